@@ -13,6 +13,7 @@ import numpy as np
 from skinlab.api.identifiers import find_model
 from skinlab.api.paths import PathLike
 from skinlab.curves.campaign import Campaign
+from skinlab.curves.distinct import check_distinct
 from skinlab.discrepancy import cache, workflow
 from skinlab.discrepancy.adopt import adopted
 from skinlab.discrepancy.outcome import Outcome
@@ -74,6 +75,7 @@ def outcome_of(
     """
     if workers is not None and workers < 1:
         raise InputError(f"workers {workers}: expected 1 or more")
+    check_distinct(campaign.curves)
     parts = (f"{name} {content}" for name, content in data.items())
     stated = repr((campaign.noise_um, campaign.pressure_noise_mbar, campaign.placement_scatter))
     probes = ("" if c.probe is None else f"probe {c.probe.hash}" for c in campaign.curves)

@@ -28,6 +28,7 @@ from skinlab.api.simulation import simulated
 from skinlab.curves import campaign as campaigns
 from skinlab.curves import csv
 from skinlab.curves import curve as curves
+from skinlab.curves.distinct import check_distinct
 from skinlab.curves.program import Program, parse_program
 from skinlab.errors import InputError, NotTrustworthyError
 from skinlab.inference import result as identifications
@@ -169,6 +170,7 @@ def identify_joint(
     several = tuple(given.curves if isinstance(given, campaigns.Campaign) else given)
     if not several or not all(isinstance(one, curves.Curve) for one in several):  # of a generator
         raise InputError("expected one curve or more, such as skinlab.read_curve returns")
+    check_distinct(several)
     if isinstance(placement_scatter, str):
         if placement_scatter != "auto":
             raise InputError(f"placement_scatter {placement_scatter!r}: expected auto or a number")

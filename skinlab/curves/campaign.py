@@ -100,8 +100,8 @@ def read_campaign(path: Path) -> Campaign:
             )
         except InputError as error:
             raise InputError(f"{path}: curve {number}: {error}") from None
-        curves.append(replace(read_curve(path.parent / entry.file, setup), campaign=str(folder)))
-        check_program(curves[-1])
+        curve = read_curve(path.parent / entry.file, setup)
+        curves.append(check_program(replace(curve, campaign=str(folder))))
     return Campaign(
         data.campaign.title,
         data.campaign.noise_um,

@@ -1,15 +1,19 @@
-"""Curves as CSV: `time_s,pressure_mbar,deflection_mm`, one row a sample in time order."""
+"""Curves as CSV: `time_s,pressure_mbar,deflection_mm`, one row a sample in time order.
+
+An exported session has the segment of its program beside them, which a clock tells only nearly.
+"""
 
 from __future__ import annotations
 
 import csv
 import hashlib
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import TextIO
 
 import numpy as np
+from numpy.typing import NDArray
 
 from drivers.reading import read_whole
 from skinlab.curves.curve import Curve, Setup
@@ -18,11 +22,14 @@ from skinlab.errors import InputError
 from skinlab.text import counted
 
 COLUMNS = ("time_s", "pressure_mbar", "deflection_mm")
+SEGMENT = "segment"
 _LARGEST = {"time_s": 1e9, "pressure_mbar": 1e4, "deflection_mm": 100.0}  # beyond, no reading
 
 
 def read_curve(path: Path, setup: Setup) -> Curve:
     """Return the curve in this file.
+
+    With the indices of a column `segment`, if it has one and the setup the program that it is of.
 
     Raises:
         InputError: no such file, no UTF-8, a missing column, a value that is no finite number, a
@@ -36,7 +43,7 @@ def read_curve(path: Path, setup: Setup) -> Curve:
     except OSError as error:
         raise InputError(f"{path}: {error.strerror or error}") from None
     try:
-        rows = _rows(path, text)
+        rows, more = _rows(path, text)
     except csv.Error as error:
         raise InputError(f"{path}: {error}; expected a curve CSV") from None
     if len(rows) < SAMPLES.fewest:
@@ -45,10 +52,20 @@ def read_curve(path: Path, setup: Setup) -> Curve:
         )
     data = np.array(rows)
     source = "sha256:" + hashlib.sha256(content).hexdigest()
-    return Curve(str(path), setup, data[:, 0], data[:, 1], data[:, 2], source=source)
+    segment = None if setup.program is None else _segments(more, len(setup.program.segments))
+    return Curve(str(path), setup, data[:, 0], data[:, 1], data[:, 2], segment, source=source)
 
 
-def _rows(path: Path, text: str) -> list[tuple[float, ...]]:
+def _segments(texts: Sequence[str], count: int) -> NDArray[np.intp] | None:
+    """Return indices of segments, the end (`count`) included; None where these are none."""
+    if not texts or not all(text.isascii() and text.isdigit() for text in texts):
+        return None
+    found = np.array([min(int(text), count + 1) for text in texts], dtype=np.intp)
+    return found if found[-1] <= count and (np.diff(found) >= 0).all() else None
+
+
+def _rows(path: Path, text: str) -> tuple[list[tuple[float, ...]], list[str]]:
+    """Return the rows, and what their column `segment` says."""
     lines = csv.reader(text.splitlines())
     header = [name.strip() for name in next(lines, [])]
     missing = [name for name in COLUMNS if name not in header]
@@ -65,6 +82,8 @@ def _rows(path: Path, text: str) -> list[tuple[float, ...]]:
         )
     where = [header.index(name) for name in COLUMNS]
     rows: list[tuple[float, ...]] = []
+    segment = header.index(SEGMENT) if header.count(SEGMENT) == 1 else None
+    segments: list[str] = []
     for fields in lines:
         line = lines.line_num
         if not any(field.strip() for field in fields):
@@ -83,7 +102,9 @@ def _rows(path: Path, text: str) -> list[tuple[float, ...]]:
                 f"(before it: {rows[-1][0]:g})"
             )
         rows.append(values)
-    return rows
+        if segment is not None:
+            segments.append(fields[segment].strip())
+    return rows, segments
 
 
 def _number(path: Path, line: int, name: str, text: str) -> float:

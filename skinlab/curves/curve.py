@@ -70,8 +70,8 @@ class Curve:
 
     `segment` (n,) is the index of the program's segment where it is known. `probe` is the
     calibration whose errors are in the readings; `corrected_by` the one whose errors were taken
-    off them, and who leaves open what it does not know. `campaign` is the folder of the campaign
-    that it is from: a label of a placement means nothing beyond.
+    off them, and who leaves open what it does not know. `campaign` is the folder of the campaign,
+    or the file of the session, that it is from: a label of a placement means nothing beyond.
 
     Raises:
         InputError: lengths differ, a value is not finite, or time does not increase.

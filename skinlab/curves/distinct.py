@@ -16,14 +16,18 @@ def check_distinct(curves: Sequence[Curve]) -> None:
     """
     seen: dict[tuple[object, ...], str] = {}
     for curve in curves:
-        readings = (curve.time_s, curve.pressure_mbar, curve.deflection_mm)
+        columns = (curve.time_s, curve.pressure_mbar, curve.deflection_mm)
+        bits = tuple(column.tobytes() for column in columns)
         # Repeats of a simulated probe without noise are alike, and none the less two.
         repeat = None if curve.segment is None else (curve.setup.cycle, curve.setup.repeat)
-        key = (*(column.tobytes() for column in readings), repeat)
-        if key in seen:
-            other = "twice" if seen[key] == curve.name else f"also as {seen[key]}"
+        keys: list[tuple[object, ...]] = [(*bits, repeat)]
+        if curve.source is not None:  # but not of one file
+            keys.append((*bits, curve.source, curve.name))
+        known = next((seen[key] for key in keys if key in seen), None)
+        if known is not None:
+            other = "twice" if known == curve.name else f"also as {known}"
             raise InputError(
                 f"{curve.name}: the same readings are given {other}; expected each curve once, "
                 "as each counts as data of its own"
             )
-        seen[key] = curve.name
+        seen |= dict.fromkeys(keys, curve.name)

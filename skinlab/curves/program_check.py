@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from skinlab.curves.curve import Curve
 from skinlab.curves.pressure_path import PressurePath
+from skinlab.curves.program import Program
 from skinlab.curves.settings import AS_STATED, SAMPLES
 from skinlab.curves.suction import check_suction
 from skinlab.errors import InputError
@@ -16,23 +18,23 @@ from skinlab.errors import InputError
 Array = NDArray[np.float64]
 
 
-def check_program(curve: Curve) -> None:
-    """Refuse a curve whose pressure is another program's: its phases would be wrong.
+def check_program(curve: Curve) -> Curve:
+    """Return a curve, refused if its pressure is another program's: its phases would be wrong.
 
     A rig may be late, begin late or early, overshoot, leak a little, or be cut short: it is the
     nearest of all these that counts. A rise until a height is left aside: when it ended is not
-    stated.
+    stated. Where first samples are lost, and the clock tells, segments are by the clock.
 
     Raises:
         InputError: the pressure is far off all the same; names the curve.
     """
     program = curve.program_as_run
     if program is None or program.max_pressure_mbar <= 0:
-        return
+        return curve
     try:
         check_suction(curve)
     except InputError:
-        return  # another mistake, of which whoever uses the curve speaks
+        return curve  # another mistake, of which whoever uses the curve speaks
     top = program.max_pressure_mbar
     some = slice(None, None, math.ceil(len(curve) / AS_STATED.most_samples))
     time, pressure = curve.time_s[some], curve.pressure_mbar[some]
@@ -46,13 +48,31 @@ def check_program(curve: Curve) -> None:
                     expected = asked(time - begin - late)
                     off_mbar = _off_mbar(pressure, expected, top)
                     if off_mbar <= AS_STATED.off * top:
-                        return
+                        return _by_the_clock(curve, program, path)
                     if off_mbar < best_mbar:
                         best_mbar, best = off_mbar, expected
     raise InputError(
         f"{curve.name}: the pressure does not follow its program {program}: "
         f"{_where(time - time[0], pressure, best, top)}; correct or leave out `program`"
     )
+
+
+def _by_the_clock(curve: Curve, program: Program, path: PressurePath) -> Curve:
+    """Return a curve whose clock began before its first sample, if so, with its segments."""
+    first = float(curve.time_s[0])
+    if curve.segment is not None or first <= 0.0:
+        return curve
+    top = program.max_pressure_mbar
+
+    def least_mbar(begin_s: float) -> float:
+        return min(
+            _off_mbar(curve.pressure_mbar, path.late_by(lag)(curve.time_s - begin_s), top)
+            for lag in AS_STATED.lags_s
+        )
+
+    if least_mbar(0.0) >= least_mbar(first):
+        return curve
+    return replace(curve, segment=program.segment_at(curve.time_s))
 
 
 def _ends(late: PressurePath, path: PressurePath, lag_s: float) -> list[PressurePath]:

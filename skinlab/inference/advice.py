@@ -39,7 +39,6 @@ def advise(
     kappa: KappaConvention,
     thickness_mm: float,
     *,
-    pressure_noise_mbar: float = 0.0,
     placement_scatter: float | None = None,
     rng: np.random.Generator,
 ) -> list[Advice]:
@@ -73,7 +72,7 @@ def advise(
         middle = curves[held[len(held) // 2]]
         sigma = np.hypot(1e-3 * noise, MESH_REST * middle)
         dw_dp = slope_mm_per_mbar(pressure, middle)
-        sigma = np.hypot(sigma, pressure_noise_mbar * dw_dp)
+        sigma = np.hypot(sigma, known.pressure_noise_mbar * dw_dp)
         placed = np.column_stack([scatter * pressure * dw_dp, np.full(ADVICE.points, zero_mm)])
         shapes = np.hstack([mesh_error_shapes(pressure, middle), placed])
         for rate in ADVICE.rates_mbar_per_s:

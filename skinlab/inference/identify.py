@@ -168,7 +168,6 @@ class Identifier:
             self.database,
             self.kappa,
             thickness_mm,
-            pressure_noise_mbar=self.sensor.pressure_noise_mbar or 0.0,
             placement_scatter=self.sensor.placement_scatter,
             rng=np.random.default_rng(self.seed),
         )

@@ -34,6 +34,7 @@ class Fitted:
     mask: NDArray[np.bool_]
     every: int = 1  # of those that could be: of a very long curve one in so many
     beyond: int = 0  # samples that the database does not speak of
+    placement: int = 0  # among curves that are fitted together
 
     @property
     def count(self) -> int:
@@ -132,11 +133,9 @@ def samples_of(groups: Sequence[Group]) -> Samples:
         for k, g in enumerate(groups)
         for one in zip(g.members, g.split(g.pressure_mbar), strict=True)
     ]
-    placements = placements_of([m.curve for _, m, _ in members])
     for number, (condition, member, pressure) in enumerate(members):
         c, mask, n = member.curve, member.mask, member.count
-        placement = placements[number]
-        numbers = (np.full(n, i) for i in (number, placement, condition))
+        numbers = (np.full(n, i) for i in (number, member.placement, condition))
         time = c.time_s[mask] - c.time_s[0]
         rows.append((time, pressure, c.deflection_mm[mask], c.phase[mask], *numbers, np.ones(n)))
     return Samples(*(np.concatenate(column) for column in zip(*rows, strict=True)))
@@ -224,8 +223,13 @@ def alike(keys: Sequence[Hashable]) -> list[list[int]]:
 
 
 def group(fitted: Sequence[Fitted]) -> list[Group]:
-    """Return the curves grouped by geometry, in the order in which these first occur."""
+    """Return the curves grouped by geometry, in the order in which these first occur.
+
+    Which are of one placement is told by the order in which they are given.
+    """
     setups = [one.curve.setup for one in fitted]
+    placements = placements_of([one.curve for one in fitted])
+    fitted = [replace(one, placement=n) for one, n in zip(fitted, placements, strict=True)]
     keys = [(s.aperture_mm, s.thickness_mm, s.thickness_sd_mm or 0.0) for s in setups]
     return [_group([fitted[i] for i in members]) for members in alike(keys)]
 

@@ -80,6 +80,7 @@ class Uncertainty:
     errors: Judged
     parts: tuple[SquaredMisfit, ...]  # whose sum is χ², Gaussian priors included
     relative_thickness_sd: float = 0.0
+    pressure_noise_mbar: float = 0.0  # of a reading, as it was stated or found; the curves' median
 
 
 @dataclass(frozen=True)
@@ -432,7 +433,8 @@ def assess(
     left_mm = fitted.linear.residual_mm[kept]
     residual_um = 1e3 * float(np.sqrt(np.mean(left_mm**2))) if len(left_mm) else 0.0
     judged = judge_errors(errors, sensor.noise_um, residual_um)
-    return Uncertainty(names, space, draws, judged, tuple(parts), relative_sd)
+    noise_mbar = float(np.median(fitted.pressure_sd_mbar()))
+    return Uncertainty(names, space, draws, judged, tuple(parts), relative_sd, noise_mbar)
 
 
 def _of_group(covariance: Covariance, members: NDArray[np.bool_]) -> Covariance:

@@ -46,7 +46,9 @@ def read_input(path: Path, setup: Setup | None) -> Input:
         from skinlab.recording.session import read_session
 
         curves = read_session(path).curves
-        named = tuple(replace(curve, name=f"{path}:{curve.name}") for curve in curves)
+        named = tuple(
+            replace(curve, name=f"{path}:{curve.name}", campaign=str(path)) for curve in curves
+        )
         return Input(named, measured_here=True)
     raise InputError(
         f"{path}: expected a curve (.csv), a session (.h5) or a campaign (.toml); "

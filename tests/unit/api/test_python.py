@@ -258,21 +258,28 @@ def test_parameters_are_those_of_the_law(curve, capsys):
 
 
 def test_several_curves_answer_together(curve):
-    later = replace(curve, setup=replace(curve.setup, cycle=2))
-    campaign = skinlab.Campaign("arm", 3.0, 0.0, (curve, curve, later))
+    again = replace(curve, deflection_mm=curve.deflection_mm + 1e-6)
+    setup, more = replace(curve.setup, cycle=2), curve.deflection_mm + 2e-6
+    later = replace(curve, setup=setup, deflection_mm=more)
+    campaign = skinlab.Campaign("arm", 3.0, 0.0, (curve, again, later))
     with pytest.warns(UserWarning, match="1 curve of later cycles"):
         found = skinlab.identify_joint(campaign)
     assert found.to_dict()["curves"] == []
     assert found.files == ["simulated", "simulated"]
-    same = skinlab.identify_joint([curve, curve], noise_um=3.0, pressure_noise_mbar=0.0)
+    same = skinlab.identify_joint([curve, again], noise_um=3.0, pressure_noise_mbar=0.0)
     assert found.parameters == same.parameters
-    assert found.parameters != skinlab.identify_joint([curve, curve]).parameters
+    assert found.parameters != skinlab.identify_joint([curve, again]).parameters
     assert found.parameters.X1_MPa.low < 0.03 < found.parameters.X1_MPa.high
-    stated = replace(campaign, curves=(curve, curve), placement_scatter=0.0)
+    stated = replace(campaign, curves=(curve, again), placement_scatter=0.0)
     assert skinlab.identify_joint(stated).placement is None
     assert skinlab.identify_joint(stated, placement_scatter="auto").parameters == found.parameters
     with pytest.raises(skinlab.InputError, match="'much': expected auto or a number"):
         skinlab.identify_joint(stated, placement_scatter="much")
+    for twice in ([curve, curve], skinlab.Campaign("arm", 3.0, 0.0, (curve, curve))):
+        with pytest.raises(skinlab.InputError, match="the same readings are given twice"):
+            skinlab.identify_joint(twice)
+    with pytest.raises(skinlab.InputError, match="the same readings are given twice"):
+        skinlab.explain(twice)
     assert "arm" in repr(campaign)
     assert len(campaign.to_dict()["curves"]) == 3
 

@@ -7,6 +7,7 @@ import pytest
 
 from skinlab.curves.csv import read_curve, write_curve
 from skinlab.curves.curve import Curve, Setup
+from skinlab.curves.program import parse_program
 from skinlab.errors import InputError
 
 HEADER = "time_s,pressure_mbar,deflection_mm\n"
@@ -30,6 +31,25 @@ def test_other_columns_order_bom_and_blank_lines_are_fine(tmp_path):
     rows = "\n".join(f"{i},x,{0.1 * i},{0.01 * i}" for i in range(6))
     path.write_text("\ufeffpressure_mbar, note ,time_s,deflection_mm\n" + rows + "\n\n")
     assert read_curve(path, Setup(6, 1)).pressure_mbar.tolist() == [0, 1, 2, 3, 4, 5]
+
+
+@pytest.mark.parametrize(
+    ("column", "found"),
+    [
+        ([0, 0, 1, 1, 1, 2], [0, 0, 1, 1, 1, 2]),  # 2 is the end
+        ([0, 0, 1, 1, 1, 3], None),
+        ([0, 1, 0, 1, 1, 2], None),
+        (["a", 0, 1, 1, 1, 2], None),
+    ],
+)
+def test_segments_are_read_where_they_are_those_of_the_program(tmp_path, column, found):
+    path = tmp_path / "c.csv"
+    rows = "".join(f"{0.1 * i},{2 * i},{0.01 * i},{k}\n" for i, k in enumerate(column))
+    path.write_text(HEADER.strip() + ",segment\n" + rows)
+    program = parse_program("ramp:100@20,ramp:0@20")
+    read = read_curve(path, Setup(6, 1, program))
+    assert (None if read.segment is None else read.segment.tolist()) == found
+    assert read_curve(path, Setup(6, 1)).segment is None
 
 
 @pytest.mark.parametrize(

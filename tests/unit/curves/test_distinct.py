@@ -34,6 +34,9 @@ def test_repeats_of_a_session_may_be_alike_but_are_not_the_same_one():
     check_distinct([first, second])
     with pytest.raises(InputError, match="twice"):
         check_distinct([first, second, first])
+    of_a_file = replace(first, source="sha256:0")
+    with pytest.raises(InputError, match="twice"):
+        check_distinct([of_a_file, replace(of_a_file, setup=second.setup)])
 
 
 def test_commands_that_explain_curves_together_refuse(tmp_path, capsys):

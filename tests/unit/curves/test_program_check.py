@@ -68,6 +68,16 @@ class TestAsStated:
     def test_a_rig_that_is_late(self, program, lag_s, late_s):
         check_program(measured(program, lag_s=lag_s, late_s=late_s, longer_s=3.0))
 
+    @pytest.mark.parametrize("lost", [0, 10, 30])
+    def test_where_first_samples_are_lost_segments_are_by_the_clock(self, program, lost):
+        whole = measured(program)
+        kept = check_program(measured(program, change=lambda t, p: (t[lost:], p[lost:])))
+        assert kept.segments.tolist() == whole.segments[lost:].tolist()
+
+    def test_of_another_clock_they_are_since_the_first_sample(self, program):
+        moved = check_program(measured(program, change=lambda t, p: (t + 1000.0, p)))
+        assert moved.segments.tolist() == measured(program).segments.tolist()
+
     def test_many_samples(self, program):
         check_program(measured(program, rate_hz=1000.0, lag_s=0.3))
 

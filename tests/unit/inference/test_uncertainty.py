@@ -440,6 +440,13 @@ class TestPlacement:
         assert found.placement[::51].tolist() == [0, 0, 1, 2, 2]
         assert found.curves == 5
 
+    def test_the_order_of_a_campaign_tells_placements_and_not_that_of_the_openings(self, table):
+        one, mask = curve_of(table, SKIN), np.ones(51, dtype=bool)
+        orders = [(6, 2), (8, 2), (6, 3), (8, 3)]
+        setups = [replace(STANDARD, aperture_mm=a, cycle=c) for a, c in orders]
+        found = samples_of(group([Fitted(replace(one, setup=s), mask) for s in setups]))
+        assert found.placement[::51].tolist() == [0, 2, 1, 3]  # by openings
+
     @pytest.mark.parametrize(
         ("cycles", "openings_mm", "placements"),
         [

@@ -19,7 +19,9 @@ from skinlab.curves.curve import Setup
 from skinlab.curves.program import parse_program
 from skinlab.errors import InputError
 from skinlab.inference.identify import Identifier
+from skinlab.inference.samples import placements_of
 from skinlab.recording.audit import Chain, entries, note
+from skinlab.recording.load_inputs import read_input
 from skinlab.recording.recorder import Recording
 from skinlab.recording.records import Kind, Record
 from skinlab.recording.seal import SEAL_BYTES, Seal, read_seal
@@ -255,5 +257,9 @@ def test_a_placement_is_kept_where_it_is_stated_and_older_sessions_are_as_they_w
     path = tmp_path / "s.h5"
     write_session(path, stated)
     assert [c.setup.placement for c in read_session(path).curves] == ["left arm", None]
+    other = tmp_path / "other.h5"
+    write_session(other, stated)  # its "left arm" is another putting-on
+    labelled = [read_input(one, None).curves[0] for one in (path, path, other)]
+    assert placements_of(labelled) == [0, 0, 1]
     with pytest.raises(InputError, match="placement is 3, expected a text"):
         setup_from_json(setup_to_json(setup) | {"placement": 3})
