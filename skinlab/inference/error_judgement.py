@@ -76,6 +76,10 @@ def judge_errors(
             flags.append("stated_noise_contradicted")
             why.append(f"stated {stated_um:.3g} µm, found {all_um:.3g} µm")
             misses = misses or all_um > stated_um
+    zero_um = errors.median(lambda node: node.values.get("placement_offset_um", 0.0))
+    if zero_um > JUDGEMENT.most_zero_um:
+        why.append(f"zeros of placements are off by {zero_um:.0f} µm")
+        misses = True
     if misses:
         flags.append("misfit_above_noise")
     sentence = "; ".join(why) or "residuals are as white noise's"

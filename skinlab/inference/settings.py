@@ -245,6 +245,8 @@ class JudgementRules:
     most_um: float = 8.0
     """Of errors that last: more is no tremor, but something missing: `misfit_above_noise`. Tremor,
     breathing and creep that were published stay below it."""
+    most_zero_um: float = 10.0
+    """Of placements' zeros, of which 4 µm are expected, 8 µm in one of twenty: more is likewise."""
     at_bound: float = 1e-5
     """Share of a parameter's range: `at_bound`."""
 

@@ -529,6 +529,24 @@ def test_placements_that_hardly_differ_are_integrated_as_on_a_grid(seed):
     assert got == pytest.approx(np.logaddexp.reduce(log_density) + np.log(cell), abs=0.3)
 
 
+@pytest.mark.parametrize(("zeros_um", "flagged"), [((4, -3, 6), False), ((35, 24, -28), True)])
+def test_zeros_that_no_placement_has_are_a_misfit(zeros_um, flagged):
+    """A model with an offset that these curves do not have was told without a word."""
+    three, n = np.repeat(np.arange(3), N), 3 * N
+    course = np.tile(1.2 * np.sqrt(X), 3)
+    errors = 3e-3 * np.random.default_rng(0).standard_normal(n) + np.repeat(zeros_um, N) * 1e-3
+    samples = Samples(
+        np.tile(TIME, 3), np.tile(100.0 * X, 3), course + errors, np.full(n, "load"), three, three,
+        np.zeros(n, dtype=np.intp), np.ones(n),
+    )  # fmt: skip
+    linear = LinearModel(errors, (course**2)[:, None], 12.0 * np.eye(1))
+    look = Look(samples, course, course, errors, linear.slopes_mm, None, *np.zeros((2, n)), None)
+    found = choose_errors(look, linear, np.zeros((n, 0)), np.zeros(n), [WHITE, PLACEMENT])
+    judged = judge_errors(found, None)
+    assert ("misfit_above_noise" in judged.flags) is flagged
+    assert ("zeros of placements are off" in judged.summary.why) is flagged
+
+
 class Tape:
     """Another process in time: slow creep of the tape."""
 
