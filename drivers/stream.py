@@ -198,8 +198,12 @@ class StreamConnection(Incoming):
 
     def _take(self, reading: Reading, frame: bytes) -> None:
         count = self._count + self._damaged if reading.sequence is None else reading.sequence
-        rate_hz = self._rule.rate_hz or 1.0
-        time_s = count / rate_hz if reading.time_s is None else reading.time_s
+        time_s = reading.time_s
+        if time_s is None:
+            if self._rule.rate_hz is None:  # any rate would be a wrong time under suction
+                self._ready.append(Damaged("neither a time nor stream.rate_hz tells when", frame))
+                return
+            time_s = count / self._rule.rate_hz
         if self._last is not None:
             if time_s == self._last[0]:
                 self._ready.append(Damaged("reading at the same time as the one before", frame))

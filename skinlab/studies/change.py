@@ -184,11 +184,15 @@ def changes(
     parts = [_moments(side.answer) for side in sides]
     if any(list(p) != list(parts[0]) for p in parts):
         raise InputError("the sessions have different parameters")
-    if before.conditions != after.conditions:
-        raise InputError(
-            f"measured differently: {before.site_words} before, {after.site_words} after; expected "
-            "the same openings and programs"
-        )
+    for first, last, whose in (
+        (before, after, ""),
+        *([(*control, "control site ")] if control else []),
+    ):
+        if first.conditions != last.conditions:
+            raise InputError(
+                f"{whose}measured differently: {first.site_words} before, {last.site_words} after; "
+                "expected the same openings and programs"
+            )
     signs = (-1.0, 1.0) if control is None else (-1.0, 1.0, 1.0, -1.0)
     found = []
     basis = ""

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import copy
+from dataclasses import replace
+
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -12,6 +15,7 @@ from drivers.events import (
     PROGRAM_DONE,
     Alarm,
     Arm,
+    Damaged,
     Gap,
     Hello,
     HostVented,
@@ -347,3 +351,16 @@ def test_where_there_is_a_vent_it_is_sent_and_not_relied_on():
     assert onlooker.ordered
     assert onlooker.on_event(Sample(3, 0.3, 1.0, 0.0, 0), 0.3) == [VentConfirmed(1.0)]
     assert not onlooker.ordered
+
+
+def test_a_reading_of_which_nothing_tells_the_time_is_none():
+    """With 1 Hz in its place 2 s under suction were a minute and more."""
+    stream = replace(COUNTED.stream, rate_hz=None)
+    untimed = copy.copy(COUNTED)
+    untimed.stream = stream
+    bench = Bench(dialect=untimed)
+    for pressure in (0.0, 5.0, 50.0):
+        bench.feed(b"%f 0.1\n" % pressure)
+    assert not bench.run
+    reasons = {e.reason for e in bench.events if isinstance(e, Damaged)}
+    assert reasons == {"neither a time nor stream.rate_hz tells when"}

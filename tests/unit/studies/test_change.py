@@ -169,6 +169,8 @@ def test_other_openings_are_refused(study):
     two = frozenset({(2.0, "ramp:100@20")})
     with pytest.raises(InputError, match="expected the same openings"):
         changes(side(0.03), side(0.03, conditions=two))
+    with pytest.raises(InputError, match="control site measured differently"):
+        changes(side(0.03), side(0.03), control=(side(0.03), side(0.03, conditions=two)))
     with pytest.raises(InputError, match="expected the same opening and program"):
         changes(side(0.03, conditions=two), side(0.03, conditions=two), study=study)
 
