@@ -1,6 +1,6 @@
 """What is concluded from fits: whether they are adequate, what is missing, what to measure next."""
 
-from dataclasses import replace
+from dataclasses import make_dataclass, replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -655,12 +655,16 @@ def test_what_is_predicted_badly_is_asked_of_the_finite_elements_there(most, hol
     fitter = SimpleNamespace(
         measured=np.array([2.0]),
         minimise=lambda *_: np.array([2.0]),
+        jacobian=lambda model, u: np.array([[10.0 * model.at]]),
     )
+    fit = make_dataclass("Fit", ["u", "jacobian"])(np.array([1.0]), np.array([[10.0]]))
     box = (np.zeros(1), np.full(1, 3.0))
     errors = SimpleNamespace(whiten=lambda values: values)
     part = SimpleNamespace(out=np.array([True]), errors=errors, kept=None)
-    found = heldout._off(fitter, Bent(holds), np.array([1.0]), box, part, most)
+    found, there = heldout._off(fitter, Bent(holds), fit, box, part, most)
     assert found == pytest.approx([off])
+    asked = holds and most < 1.0  # then slopes, and the doubt by them, are those of that place
+    assert there.jacobian.tolist() == [[20.0 if asked else 10.0]]
 
 
 def test_what_may_be_advised_is_what_a_driver_allows():
