@@ -507,6 +507,23 @@ class Mine(Effect):
 ERRORS, PARTS, TERMS, EFFECT = Errors(), Parts(), Terms(), Mine()
 SEARCH = Method("lost", identify, "nothing")
 NO_ANSWER = Method("silent", lambda problem, options, rng: None, "nothing")
+
+import numpy as np
+from skinlab.inference.error_models.base import Terms as Found
+class Flat(Errors):
+    name = "flat"
+    def part(self, look):
+        return Part(self.name, (), lambda values: Found(columns_mm=np.ones(3)))
+class Nothing(Errors):
+    name = "nothing"
+    def part(self, look):
+        columns = np.full((len(look.samples), 1), np.nan)
+        return Part(self.name, (), lambda values: Found(columns_mm=columns))
+class Short(Mine):
+    name = "short"
+    def read(self, since_s, deflection_mm, values):
+        return deflection_mm[1:]
+FLAT, NOTHING, SHORT = Flat(), Nothing(), Short()
 """
 
 
@@ -514,10 +531,13 @@ NO_ANSWER = Method("silent", lambda problem, options, rng: None, "nothing")
 def at_work(tmp_path) -> Place:
     """What is well declared, and breaks down when it is used."""
     points = {
-        "error_models": {"boo": "ERRORS", "no_part": "PARTS", "no_terms": "TERMS"},
+        "error_models": {
+            "boo": "ERRORS", "flat": "FLAT", "no_part": "PARTS", "no_terms": "TERMS",
+            "nothing": "NOTHING",
+        },
         "methods": {"lost": "SEARCH", "silent": "NO_ANSWER"},
-        "effects": {"mine": "EFFECT"},
-    }
+        "effects": {"mine": "EFFECT", "short": "SHORT"},
+    }  # fmt: skip
     groups = {f"skinlab.{g}": {n: f"works:{o}" for n, o in p.items()} for g, p in points.items()}
     return Place(package(tmp_path / "site", "works", groups, works=AT_WORK))
 
@@ -528,12 +548,15 @@ def test_what_breaks_down_at_work_is_named_and_everything_else_goes_on(at_work, 
     program = ["--program", "ramp:50@20"]
     assert run([*FORWARD, *program, "--csv", str(csv)]) == 0
     measure = ["measure", "--port", "sim://?seed=1&speed=50", *program, *SKIN, "--json"]
-    plain, by_lost, by_silent, effect, of_model, measured, again = at_work.each(
+    short = tmp_path / "short.toml"
+    short.write_text(model.read_text().replace("effects.mine", "effects.short"))
+    plain, by_lost, by_silent, effect, of_model, too_short, measured, again = at_work.each(
         ["identify", csv, *SKIN, "--json"],
         ["identify", csv, *SKIN, "--method", "lost"],
         ["identify", csv, *SKIN, "--method", "silent"],
         [*FORWARD, *program, "--direct", "--model", model],
         ["identify", csv, *SKIN, "--model", model],
+        [*FORWARD, *program, "--direct", "--model", short],
         [*measure, "--method", "lost", "--repeats", "2", "--rest-s", "0", "--out", "s.h5"],
         ["replay", "s.h5", "--verify", "--speed", "max"],
         cwd=tmp_path,
@@ -542,8 +565,10 @@ def test_what_breaks_down_at_work_is_named_and_everything_else_goes_on(at_work, 
     assert json.loads(plain.stdout)["curves"][0]["parameters"]
     left_out = {
         "boo": "KeyError: 'boo'",
+        "flat": "TypeError: columns_mm has the shape (3,); expected (51, 0)",
         "no_part": "TypeError: it returned a int; expected a Part or None",
         "no_terms": "IndexError: list index out of range",
+        "nothing": "TypeError: columns_mm is not finite",
     }
     assert plain.stderr.splitlines() == [
         f"skinlab: plugin works, error model {name!r}: broke down, and is left out: {why}"
@@ -556,6 +581,8 @@ def test_what_breaks_down_at_work_is_named_and_everything_else_goes_on(at_work, 
     for done in (effect, of_model):
         assert done.returncode == 3
         assert done.stderr.startswith("skinlab: plugin works, effect 'mine': broke down: ZeroDiv")
+    assert too_short.returncode == 3
+    assert "effect 'short': broke down: TypeError: read_along returned an arr" in too_short.stderr
     curves = json.loads(measured.stdout)["curves"]
     assert [curve["error"] for curve in curves] == [lost, lost]
     assert again.returncode == 0, again.stderr

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
@@ -42,11 +43,42 @@ def part_of(model: ErrorModel, look: Look) -> Part | None:
             return None
         if not isinstance(part, Part):
             raise TypeError(f"it returned a {type(part).__name__}; expected a Part or None")
-        part.is_process  # noqa: B018 -- its terms are asked for, which may break down as well
+        _check_part(part, len(look.samples))
     except Exception as error:  # noqa: BLE001 -- no plugin may end what others can answer
         warn(f"{who}: broke down, and is left out: {type(error).__name__}: {error}")
         return None
     return replace(part, terms=_named(model.name, part.terms))
+
+
+def _check_part(part: Part, count: int) -> None:
+    """Check a part of so many samples: its prior, and its terms there.
+
+    Raises:
+        TypeError: one is not what it has to be.
+    """
+    import numpy as np  # slow to import
+
+    if not math.isfinite(part.log_odds):
+        raise TypeError(f"log_odds is {part.log_odds}; expected a number")
+    for one in part.parameters:
+        if not (math.isfinite(one.median) and one.median > 0.0 and one.log_sd > 0.0):
+            raise TypeError(
+                f"the prior of {one.name} is none: expected a median and a width above 0"
+            )
+    terms = part.terms([one.median for one in part.parameters])
+    wide = () if terms.columns_mm is None else np.shape(terms.columns_mm)[1:2] or (0,)
+    wanted = {
+        "variance_mm2": (terms.variance_mm2, ((), (count,))),
+        "stretch": (terms.stretch, ((count,),)),
+        "columns_mm": (terms.columns_mm, ((count, *wide),)),
+    }
+    for name, (value, shapes) in wanted.items():
+        if value is None:
+            continue
+        if np.shape(value) not in shapes:
+            raise TypeError(f"{name} has the shape {np.shape(value)}; expected {shapes[-1]}")
+        if not np.isfinite(value).all():
+            raise TypeError(f"{name} is not finite")
 
 
 def _named(name: str, terms: Callable[[Sequence[float]], Terms]) -> Callable[..., Terms]:

@@ -263,8 +263,18 @@ class Sensors:
         since_s = time_s - first_s
         for effect, values in self.chain:
             with EFFECTS.at_work(effect.name):
-                deflection_mm = effect.read_along(since_s, pressure_mbar, deflection_mm, values)
+                found = effect.read_along(since_s, pressure_mbar, deflection_mm, values)
+                if getattr(found, "shape", None) != deflection_mm.shape:
+                    _check_series(found, np.broadcast_shapes(since_s.shape, deflection_mm.shape))
+                deflection_mm = found
         return deflection_mm
+
+
+def _check_series(found: object, shape: tuple[int, ...]) -> None:
+    got = getattr(found, "shape", None)
+    if got != shape:
+        what = type(found).__name__ if got is None else f"an array of the shape {got}"
+        raise TypeError(f"read_along returned {what}; expected an array of the shape {shape}")
 
 
 @dataclass(frozen=True)
