@@ -119,9 +119,9 @@ def predict_held_out(fitter: Fitter, fit: Fit, parts: Sequence[Part]) -> HeldOut
     for part in parts:
         spread = part.spread(errors, fit)
         most = NAMES.held_out_ratio**2 * (int(part.out.sum()) + spread)
-        off, moved = _off(fitter, model, fit, (low, high), part, most)
-        # What the others tell little of may lie where they tell even less.
-        spread = max(spread, part.spread(errors, moved))
+        off, there = _off(fitter, model, fit, (low, high), part, most)
+        if there is not fit:  # what the others tell little of may lie where they tell even less
+            spread = max(spread, part.spread(errors, there))
         z = part.errors.whiten(off)
         left += float(z @ z)
         plain += float(off @ off)
@@ -147,11 +147,11 @@ def _off(
     part: Part,
     most: float,
 ) -> tuple[Array, Fit]:
-    """Return by how much a part is off (u,), mm, that is predicted without it, and slopes there.
+    """Return by how much a part is off (u,), mm, that is predicted without it, and from where.
 
-    Where χ² by the part's errors is above `most` the finite elements are asked again where the
-    others lead: a layer below was moved by half of a typical size, where slopes at the first place
-    are off by 30 µm.
+    That is the fit, or one with the slopes of where the finite elements were asked last. Where χ²
+    by the part's errors is above `most` they are asked again where the others lead: a layer below
+    was moved by half of a typical size, where slopes at the first place are off by 30 µm.
     """
     at = fit.u
     for _ in range(FITS.refit_anchors):

@@ -79,7 +79,7 @@ class Combination:
     @property
     def is_mixture(self) -> bool:
         """Whether a part is a scale mixture."""
-        return any(part.again is not None for part in self.parts)
+        return bool(self.bound.any())
 
     @property
     def unrounded(self) -> Combination | None:

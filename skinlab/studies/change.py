@@ -329,13 +329,13 @@ def _scatter(
             freedom += found.count - 1
     variance = (CHANGES.prior_freedom * prior**2 + squares) / (CHANGES.prior_freedom + freedom)
     source = (
-        f"published scatter of placements and {counted(repeats_of(sides), 'repeat')} in these "
+        f"published scatter of placements and {counted(_repeats(sides), 'repeat')} in these "
         "sessions; what a visit adds is unknown (--study FOLDER says it)"
     )
     return Scatter((variance, CHANGES.prior_freedom + freedom), source)
 
 
-def repeats_of(sides: Sequence[Side]) -> int:
+def _repeats(sides: Sequence[Side]) -> int:
     """Return how many placements tell, beyond the first of each session, how these scatter."""
     return sum(p.count - 1 for side in sides if (p := side.answer.placement) is not None)
 

@@ -71,6 +71,7 @@ def _check_part(part: Part, count: int) -> None:
         "variance_mm2": (terms.variance_mm2, ((), (count,))),
         "stretch": (terms.stretch, ((count,),)),
         "columns_mm": (terms.columns_mm, ((count, *wide),)),
+        "bound": (part.bound, ((), (count,))),
     }
     for name, (value, shapes) in wanted.items():
         if value is None:
