@@ -11,18 +11,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from skinlab.curves.csv import COLUMNS
 from skinlab.curves.curve import Curve
 from skinlab.curves.cutometer import step_numbers
 from skinlab.errors import InputError, SkinlabError
 from skinlab.exchange.importing.questions import Answers
-from skinlab.exchange.importing.reader import MOST_BYTES, import_file
+from skinlab.exchange.importing.reader import MOST_BYTES, read_any
 from skinlab.inference.batch import with_stated_noise
 from skinlab.inference.identify import Identifier
 from skinlab.inference.result import Identification
 from skinlab.io.log import log_exception
 from skinlab.recording.audit import entries
-from skinlab.recording.load_inputs import read_input
 from skinlab.recording.session import Session, read_session
 from skinlab.recording.stream import setup_to_json
 from skinlab.studies.settings import PRIORS
@@ -105,18 +103,8 @@ def curves_of(path: Path, facts: Facts) -> list[Curve]:
     setup = setup_of(facts)
     if path.stat().st_size > MOST_BYTES:
         raise InputError(f"{path}: larger than {MOST_BYTES >> 20} MB; expected one curve")
-    if path.suffix.lower() == ".csv" and _is_ours(path):
-        curve = read_input(path, setup).curves[0]
-    else:
-        curve = import_file(path, setup, Answers()).curve
+    curve = read_any(path, setup, Answers(command="skinlab import"))
     return [replace(curve, name=path.name)]
-
-
-def _is_ours(path: Path) -> bool:
-    """Return whether a CSV has our own heading; else it is what other software exports."""
-    with path.open("rb") as file:
-        first = file.readline(4096).decode("utf-8-sig", errors="replace")
-    return all(name in first for name in COLUMNS)
 
 
 def labels_of(session: Session) -> dict[str, Any]:

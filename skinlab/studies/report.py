@@ -139,7 +139,8 @@ def _overview(table: Columns, found: Reliability, failures: Sequence[Mapping[str
 
     rows = [
         ["curves", str(len(table))],
-        ["files that could not be used", str(len(failures))],
+        ["identified", str(int((table.text["error"] == "").sum()))],
+        ["files in failures.csv", str(len({f["file"] for f in failures}))],
         *(
             [n + "s" if n != "subject" else "people", count(n)]
             for n in ("subject", "site", "visit", "operator", "probe")
@@ -375,7 +376,7 @@ def _failures(failures: Sequence[Mapping[str, str]]) -> Section:
     rows = [[f["file"], f["reason"]] for f in failures[:_MOST_FAILURES]]
     rest = len(failures) - len(rows)
     return Section(
-        "Files that could not be used",
+        "Files that could not be used, or were left alone",
         [f"And {rest} more: failures.csv has all."] if rest else [],
         tables=[Table(["file", "reason"], rows)],
     )

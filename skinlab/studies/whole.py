@@ -9,7 +9,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from datetime import datetime
 from importlib.util import find_spec
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 from typing import Any
 
 import numpy as np
@@ -51,7 +51,7 @@ SCHEMA = "skinlab.study/1"
 MEANING = {
     "curves.csv": "The tidy table: a row a curve",
     "curves.parquet": "The same as Parquet",
-    "failures.csv": "Files that could not be used, and why",
+    "failures.csv": "Files and curves that could not be used, and why",
     "components.csv": "Components of variance with intervals",
     "agreement.csv": "Intraclass correlations, SEM, CV and MDC95",
     "bland_altman.csv": "Mean differences and limits of agreement",
@@ -101,8 +101,10 @@ def make_study(
         update(state, plan, identifier, how, resume=resume)
         layout = layout_of(state, identifier.database.law)
         table = out / "curves.csv"
-        count = write_csv(table, layout.columns, rows(state, layout, identifier))
         failures = [{"file": name, "reason": reason} for name, reason in state.failures()]
+        told = _telling(rows(state, layout, identifier), failures)
+        count = write_csv(table, layout.columns, told)
+        failures.sort(key=lambda one: one["file"])  # a stable sort: curves stay in their order
         effects = None
         if explain:
             shared = Shared(_dimensionless(identifier), identifier.model)
@@ -118,11 +120,12 @@ def make_study(
             return known
         if not write_parquet(out / "curves.parquet", layout, rows(state, layout, identifier)):
             (out / "curves.parquet").unlink(missing_ok=True)  # that of an earlier state
+        identified = _identified(read_columns(table))
         prior = learn(
             _posteriors(state, layout, identifier),
             layout.parameters,
             identifier.provenance().model_hash,
-            f"{out.resolve().name}, {counted(count, 'curve')}",
+            f"{out.resolve().name}, {identified} of {counted(count, 'curve')} identified",
             seed=identifier.seed,
         )
         evidenced = None if effects is None else evidence(effects)
@@ -148,8 +151,28 @@ def _as_it_was(out: Path, state: State, key: str) -> Made | None:
     return Made(document, lines, notices, _broken(document["failures"]))
 
 
+def _telling(
+    found: Iterator[dict[str, Cell]], failures: list[dict[str, str]]
+) -> Iterator[dict[str, Cell]]:
+    """Yield rows; of curves that were not identified the failures get the reason, too."""
+    for row in found:
+        if row["error"]:
+            file, curve, error = (str(row[name]) for name in ("file", "curve", "error"))
+            alone = PurePosixPath(file).name == curve  # else one of several in a session
+            reason = error.removeprefix(f"{curve}: ")
+            where = file if alone else f"{file}: {curve}"
+            failures.append({"file": file, "reason": f"{where}: {reason}"})
+        yield row
+
+
+def _identified(table: Columns) -> int:
+    """Return of how many curves there is an answer."""
+    return int((table.text["error"] == "").sum())
+
+
 def _broken(failures: Sequence[Mapping[str, str]]) -> int:
-    return sum(not f["reason"].startswith(LEFT_ALONE) for f in failures)
+    """Return how many files are wrong; of a session several curves may be."""
+    return len({f["file"] for f in failures if not f["reason"].startswith(LEFT_ALONE)})
 
 
 def _write(
@@ -182,11 +205,18 @@ def _write(
         else:
             write_file(out / name, text, replace=True)
             files.append(name)
-    count = len(table)
+    count, identified = len(table), _identified(table)
+    copies = int((table.text["same_as"] != "").sum())
+    broken = _broken(failures)
+    left_alone = len({f["file"] for f in failures if f["reason"].startswith(LEFT_ALONE)})
     document: dict[str, Any] = {
         "schema": SCHEMA,
         "folder": str(out),
         "curves": count,
+        "curves_identified": identified,
+        "curves_copied": copies,
+        "files_not_used": broken,
+        "files_left_alone": left_alone,
         "failures": failures,
         "settings": json.loads(settings_of(identifier)),
         "versions": versions(),
@@ -210,16 +240,15 @@ def _write(
         licence="Not stated. Data about people: not to be passed on without the owner's consent.",
     )
     write_file(out / CRATE, crate, replace=True)
-    lines = [f"{counted(count, 'curve')} in {out / 'curves.csv'}", *_lines(found)]
+    lines = [f"{identified} of {counted(count, 'curve')} identified: {out / 'curves.csv'}"]
+    if copies:
+        lines.append(f"{counted(copies, 'curve')} a second time (same_as), not counted again")
+    lines += _lines(found)
     lines += _repeat_lines(document["repeats"] or ())
     lines += _effect_lines(effects)
-    broken = _broken(failures)
-    for number, words in (
-        (broken, "could not be used"),
-        (len(failures) - broken, "left alone"),
-    ):
+    for number, words in ((broken, "could not be used"), (left_alone, "left alone")):
         if number:
-            lines.append(f"{counted(number, 'file')} {words}: {out / 'failures.csv'}")
+            lines.append(f"{counted(number, 'file')} {words}, see {out / 'failures.csv'}")
     return Made(document, tuple(lines), tuple(notices), broken)
 
 

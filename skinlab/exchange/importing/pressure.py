@@ -30,7 +30,7 @@ def suction(pressure_mbar: Array, table: Table) -> tuple[Array, list[str]]:
     if -pressure_mbar.min() > 3 * max(pressure_mbar.max(), 0.0):
         pressure_mbar = 0.0 - pressure_mbar  # and not -x: a zero stays a plain one
         notes.append("the pressure was negated: it is below that of the room, which is suction")
-    far = np.flatnonzero(np.abs(pressure_mbar) > _BEYOND * MOST_PRESSURE_MBAR)
+    far = np.flatnonzero(beyond_any_program(pressure_mbar))
     if far.size:
         raise InputError(
             f"line {table.lines[int(far[0])]}: a pressure of {pressure_mbar[far[0]]:g} mbar; "
@@ -43,6 +43,11 @@ def suction(pressure_mbar: Array, table: Table) -> tuple[Array, list[str]]:
             "expected a suction"
         )
     return pressure_mbar, notes
+
+
+def beyond_any_program(pressure_mbar: Array) -> NDArray[np.bool_]:
+    """Return which readings (rows,) no program asks for, nor comes near: their unit is another."""
+    return np.asarray(np.abs(pressure_mbar) > _BEYOND * MOST_PRESSURE_MBAR)
 
 
 def follow_program(curve: Curve, answers: Answers) -> tuple[Curve, list[str]]:

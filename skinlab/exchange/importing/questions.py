@@ -33,14 +33,17 @@ class Answers:
         stated: Mapping[str, str] | None = None,
         ask: Ask | None = None,
         remembered: Remembered | None = None,
+        command: str = "",
     ) -> None:
         """`stated` by option; without `ask` an open question is an InputError.
 
-        `remembered` are answers from before, by the headings of a file.
+        `remembered` are answers from before, by the headings of a file. `command` is the one that
+        takes the options, where that is another than the one that reads.
         """
         self._stated = dict(stated or {})
         self._ask = ask
         self._remembered = remembered
+        self._command = command
         self._headings: tuple[str, ...] = ()
         self._given: dict[tuple[tuple[str, ...], Question], str] = {}
         self.recalled: list[str] = []  # what was answered from before, of the present file
@@ -68,7 +71,8 @@ class Answers:
             return before
         if self._ask is None:
             choices = " or ".join(shlex.quote(choice) for choice in question.choices)
-            raise InputError(f"{question.text}; say with --{question.option} {choices}")
+            say = f"answer it with `{self._command}`, by" if self._command else "say with"
+            raise InputError(f"{question.text}; {say} --{question.option} {choices}")
         answer = self._ask(question)
         self._given[key] = answer
         if self._remembered is not None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import hashlib
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -11,22 +12,26 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drivers.reading import read_whole
+from skinlab.curves.csv import COLUMNS, read_curve
 from skinlab.curves.curve import Curve, Setup
+from skinlab.curves.program_check import check_program
 from skinlab.curves.settings import SAMPLES
+from skinlab.curves.suction import check_suction
 from skinlab.errors import InputError
 from skinlab.exchange.importing.columns import Channel, find_channels
 from skinlab.exchange.importing.decode import decode
-from skinlab.exchange.importing.pressure import follow_program, suction
+from skinlab.exchange.importing.pressure import beyond_any_program, follow_program, suction
 from skinlab.exchange.importing.questions import Answers, Question
 from skinlab.exchange.importing.table import Table
 from skinlab.exchange.importing.text import table_from_text
-from skinlab.exchange.importing.units import Role
+from skinlab.exchange.importing.units import Role, find_unit
 from skinlab.exchange.importing.xlsx import table_from_workbook
 from skinlab.text import counted
 
 Array = NDArray[np.float64]
 
 MOST_BYTES = 64 << 20
+_HEAD_BYTES = 4096
 _ZIP, _OLE = b"PK\x03\x04", b"\xd0\xcf\x11\xe0"
 
 
@@ -38,6 +43,49 @@ class Imported:
     file: str  # its name, without folders
     sha256: str
     understood: tuple[str, ...]
+
+
+def read_any(path: Path, setup: Setup, answers: Answers) -> Curve:
+    """Return the curve in a file with our own heading, or in one that other software exported.
+
+    A file with our heading is imported, too, where its numbers contradict the heading: a suction
+    below zero, another unit, a dome that goes inwards.
+
+    Raises:
+        InputError: as `import_file`; or the pressure is another program's than the one stated.
+    """
+    if path.suffix.lower() == ".csv" and _has_our_heading(path):
+        curve = read_curve(path, setup)
+        if _as_the_heading_says(curve):
+            return check_program(curve)
+    return check_program(replace(import_file(path, setup, answers).curve, name=str(path)))
+
+
+def _has_our_heading(path: Path) -> bool:
+    """Return whether a CSV begins with our heading, and then numbers, not a line of units."""
+    try:
+        with path.open("rb") as file:
+            lines = [file.readline(_HEAD_BYTES).decode("utf-8-sig", "replace") for _ in range(2)]
+        head, first = (next(csv.reader([line]), []) for line in lines)
+    except OSError as error:
+        raise InputError(f"{path}: {error.strerror or error}; expected one curve") from None
+    except csv.Error:
+        return False
+    names = [name.strip() for name in head]
+    if any(names.count(column) != 1 for column in COLUMNS):
+        return False
+    cells = dict(zip(names, first, strict=False))
+    return any(find_unit(cells.get(column, "")) is None for column in COLUMNS)
+
+
+def _as_the_heading_says(curve: Curve) -> bool:
+    try:
+        check_suction(curve)
+    except InputError:
+        return False
+    deflection = curve.deflection_mm
+    far = np.abs(deflection) > curve.setup.aperture_mm
+    return not (_inward(deflection) or far.any() or beyond_any_program(curve.pressure_mbar).any())
 
 
 def import_file(path: Path, setup: Setup, answers: Answers) -> Imported:
@@ -130,7 +178,7 @@ def _curve(
 def _outward(deflection: Array, answers: Answers) -> tuple[Array, list[str]]:
     """Return the deflection with the dome positive."""
     sign = answers.stated("deflection-sign")
-    if sign is None and -deflection.min() > max(0.02, deflection.max()):
+    if sign is None and _inward(deflection):
         sign = answers.choose(
             Question(
                 "deflection-sign",
@@ -142,6 +190,11 @@ def _outward(deflection: Array, answers: Answers) -> tuple[Array, list[str]]:
     if sign == "-":
         return 0.0 - deflection, ["the deflection was negated"]
     return deflection, []
+
+
+def _inward(deflection: Array) -> bool:
+    """Return whether most of the deflection (rows,) is below zero, and more than a zero is off."""
+    return bool(-deflection.min() > max(0.02, deflection.max()))
 
 
 def _check_deflection(deflection: Array, setup: Setup, table: Table) -> None:

@@ -1,0 +1,74 @@
+"""Files as people have them: read where nothing is open, else listed with what is wrong."""
+
+from __future__ import annotations
+
+import csv
+import json
+import tomllib
+
+import numpy as np
+import pytest
+from studies import rows_of, study
+
+HEAD = ["time_s", "pressure_mbar", "deflection_mm"]
+SETUP = ("--aperture-mm", 6, "--thickness-mm", 1.2, "--workers", 1)
+
+
+@pytest.fixture(scope="module")
+def curve(cohort):
+    """The rows (n, 3) of a good curve."""
+    with (cohort / "P001" / "forearm" / "v1_p1_c1.csv").open(newline="") as stream:
+        return np.array(list(csv.reader(stream))[1:], dtype=float)
+
+
+def write(path, rows, head=HEAD, separator=",", decimal="."):
+    path.parent.mkdir(parents=True, exist_ok=True)
+    lines = [separator.join(f"{v:.9g}".replace(".", decimal) for v in row) for row in rows]
+    path.write_text("\n".join([separator.join(head), *lines]) + "\n")
+
+
+def test_what_nothing_is_open_in_is_read_and_all_else_is_listed_and_counted(curve, tmp_path):
+    folder, out = tmp_path / "in", tmp_path / "out"
+    for k in range(8):
+        noise = np.random.default_rng(k).normal(0, [0, 0, 0.003], curve.shape)
+        write(folder / f"subject=P{k}" / "good.csv", curve + noise)
+    write(folder / "as_it_is.csv", curve)
+    write(folder / "below_zero.csv", curve * [1, -1, 1])
+    write(folder / "semicolons.csv", curve, separator=";", decimal=",")
+    write(folder / "unit_line.csv", curve)
+    head, rest = (folder / "unit_line.csv").read_text().split("\n", 1)
+    (folder / "unit_line.csv").write_text(f"{head}\ns,mbar,mm\n{rest}")
+    write(folder / "inward.csv", curve * [1, 1, -1])
+    there_and_back = np.vstack([curve, curve[-2::-1] * [-1, 1, 1] + [10, 0, 0]])
+    write(folder / "kpa.csv", there_and_back * [1, 0.1, 1])
+    (folder / "list.csv").write_text('file,program\nkpa.csv,"ramp:100@20,ramp:0@20"\n')
+    write(folder / "pascal.csv", curve * [1, 100, 1])
+    write(folder / "no_unit.csv", curve, head=["Time", "Pressure", "Deflection"])
+    write(folder / "site" / "vented.csv", np.column_stack([curve[:, 0], curve[::-1, 1:]]))
+    (folder / "photo.jpg").write_bytes(b"x")
+    done = study(folder, "--out", out, *SETUP)
+    assert done.return_value == 3
+    rows = {row["file"]: row for row in rows_of(out / "curves.csv")}
+    read = ("as_it_is.csv", "below_zero.csv", "semicolons.csv", "unit_line.csv")
+    values = [float(rows[name]["X1_MPa"]) for name in read]
+    assert values == pytest.approx([values[0]] * 4, rel=1e-9)
+    reasons = {row["file"]: row["reason"] for row in rows_of(out / "failures.csv")}
+    expected = {
+        "inward.csv": "answer it with `skinlab import`, by --deflection-sign",
+        "kpa.csv": "does not follow its program ramp:100@20,ramp:0@20: it goes to 10 mbar",
+        "pascal.csv": "is its unit right?",
+        "no_unit.csv": "the unit of the time (column 'Time') is not known; answer it with",
+        "site/vented.csv": "to fit in phases load",
+        "photo.jpg": "left alone",
+    }
+    assert reasons.keys() == expected.keys()
+    assert all(expected[name] in reason for name, reason in reasons.items())
+    assert rows["site/vented.csv"]["error"] in reasons["site/vented.csv"]
+    document = json.loads((out / "study.json").read_text())
+    counts = ("curves", "curves_identified", "curves_copied", "files_not_used", "files_left_alone")
+    assert [document[name] for name in counts] == [13, 12, 0, 5, 1]
+    assert f"12 of 13 curves identified: {out / 'curves.csv'}" in done.output
+    assert f"5 files could not be used, see {out / 'failures.csv'}" in done.output
+    prior = tomllib.loads((out / "study.toml").read_text())
+    assert (prior["people"], prior["curves"]) == (8, 8)
+    assert prior["source"] == "out, 12 of 13 curves identified"
