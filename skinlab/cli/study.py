@@ -35,7 +35,9 @@ from skinlab.cli.output import echo, echo_text, print_json
 @click.option("--resume", is_flag=True, help="Go on, and refuse to if the settings differ.")
 @workers_option()
 @click.option("--dask", metavar="ADDRESS", help="Compute on the cluster of this dask scheduler.")
-@click.option("--layout", help="What paths say: '{subject}/{site}/v{visit}_p{placement}'.")
+@click.option(
+    "--layout", help="What paths inside FOLDERS say: '{subject}/{site}/v{visit}_p{placement}'."
+)
 @geometry_options(required=False)
 @click.option("--program", help="What the pump did, where nothing else says it.")
 @identification_options()

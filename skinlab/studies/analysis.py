@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from skinlab.mechanics.names import is_logarithmic
 from skinlab.studies.components import Components, components
 from skinlab.studies.design import WITHIN, Effect, effect
-from skinlab.studies.sources import LABELS
+from skinlab.studies.facts import LABELS
 from skinlab.studies.table import Cell, Columns
 
 Array = NDArray[np.float64]

@@ -36,10 +36,11 @@ from skinlab.mechanics.names import effect_words
 from skinlab.report.page import Illustration, Section, Table
 from skinlab.report.pictures import style, to_data_uri
 from skinlab.studies.compute import curves_of
+from skinlab.studies.facts import Facts
 from skinlab.studies.plots import draw_pooled
 from skinlab.studies.run import How
 from skinlab.studies.settings import POOLS
-from skinlab.studies.sources import SESSIONS, Facts
+from skinlab.studies.sources import SESSIONS
 from skinlab.studies.state import State
 from skinlab.studies.table import Cell
 from skinlab.tables.base import Database

@@ -23,8 +23,9 @@ from skinlab.io.log import log_exception
 from skinlab.recording.audit import entries
 from skinlab.recording.session import Session, read_session
 from skinlab.recording.stream import setup_to_json
+from skinlab.studies.facts import Facts, setup_of
 from skinlab.studies.settings import PRIORS
-from skinlab.studies.sources import SESSIONS, Facts, setup_of, sha256_of
+from skinlab.studies.sources import SESSIONS, sha256_of
 
 Array = NDArray[np.float64]
 

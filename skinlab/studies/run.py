@@ -16,15 +16,13 @@ from skinlab.errors import InputError
 from skinlab.inference.identify import Identifier
 from skinlab.recording.recorder import identification_settings
 from skinlab.studies.compute import Computed, Task, compute
+from skinlab.studies.facts import NOISE, SETUP, pseudonym
 from skinlab.studies.sources import (
-    NOISE,
     SESSIONS,
-    SETUP,
     Plan,
     Source,
     Table,
     find_sources,
-    pseudonym,
     sha256_of,
 )
 from skinlab.studies.state import State

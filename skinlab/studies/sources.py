@@ -4,8 +4,8 @@ What a curve was measured with, and whose it is, comes from the first of these t
 
 1. a row of a table: any CSV in the folder with a column `file` (`skinlab export` writes one);
 2. a campaign.toml that lists the file;
-3. `--layout`, a pattern of the path such as `{subject}/{site}/v{visit}_p{placement}`, and parts of
-   the path such as `subject=P-017`;
+3. `--layout`, a pattern of the path inside the folder such as
+   `{subject}/{site}/v{visit}_p{placement}`, and parts of the path such as `subject=P-017`;
 4. the file itself, where it is a session;
 5. the command line.
 
@@ -16,7 +16,6 @@ from __future__ import annotations
 
 import csv
 import errno
-import hashlib
 import os
 import re
 from collections.abc import Iterator, Mapping, Sequence
@@ -25,32 +24,23 @@ from pathlib import Path
 from typing import Any
 
 from drivers.reading import read_whole
-from skinlab.curves.curve import Setup
-from skinlab.curves.program import parse_program
 from skinlab.errors import InputError
 from skinlab.exchange.importing.folder import SUFFIXES
 from skinlab.io.documents import read_toml
 from skinlab.io.files import file_hash, real_path
 from skinlab.mechanics.names import parameter_of
-from skinlab.recording.pseudonym import check_subject
+from skinlab.studies.facts import LABELS, NOISE, SETUP, Facts, checked
+from skinlab.studies.path_layout import PathLayout, pairs_of
 
-LABELS = ("subject", "visit", "site", "operator", "probe", "placement")
-SETUP = ("aperture_mm", "thickness_mm", "thickness_sd_mm", "program", "cycle", "repeat")
-NOISE = ("noise_um", "pressure_noise_mbar")
 SESSIONS = frozenset({".h5", ".hdf5"})
 LEFT_ALONE = "left alone: "  # how the reason begins of what nobody would take for a curve
 
-_NUMBERS = frozenset({"aperture_mm", "thickness_mm", "thickness_sd_mm", *NOISE})
-_WHOLE = frozenset({"cycle", "repeat"})
 _ENDINGS = SUFFIXES | SESSIONS
 _HEAD_BYTES = 4096
 _MOST_BYTES = 2 << 30  # of any file: to look at more takes longer than anybody waits
-_LONGEST = 200  # characters of a label
 _OURS = re.compile(  # columns of exported tables that a study computes itself
     r".*(_MPa|_low|_high|_um)|name|samples|points|partial|flags|not_identified|error|sha256"
 )
-
-Facts = dict[str, Any]
 
 
 @dataclass(frozen=True)
@@ -97,17 +87,18 @@ def find_sources(plan: Plan) -> Iterator[Source | Table]:
     """Yield tables of people, then every file, folder by folder, in the order of their names.
 
     Raises:
-        InputError: a folder does not exist, or the layout is none.
+        InputError: a folder does not exist, the layout is none, or what is stated is out of range.
     """
-    pattern = None if plan.layout is None else layout_pattern(plan.layout)
+    layout = None if plan.layout is None else PathLayout.of(plan.layout)
+    checked(plan.stated, "stated for all files")
     names = _folder_names(plan.folders)
     for folder, prefix in zip(plan.folders, names, strict=True):
         if folder.is_file():
-            yield _source(folder, folder.name, {}, plan, pattern)
+            yield _source(folder, folder.parent, folder.name, {}, plan, layout)
             continue
         if not folder.is_dir():
             raise InputError(f"{folder}: no such folder")
-        yield from _walk(folder, prefix, {}, plan, pattern, folder)
+        yield from _walk(folder, prefix, {}, plan, layout, folder)
 
 
 def _walk(
@@ -115,7 +106,7 @@ def _walk(
     prefix: str,
     known: Mapping[Path, Facts],
     plan: Plan,
-    pattern: re.Pattern[str] | None,
+    layout: PathLayout | None,
     top: Path,
 ) -> Iterator[Source | Table]:
     """Yield what is in one folder; what its tables say of deeper files goes down with it."""
@@ -162,7 +153,7 @@ def _walk(
     present = set(curves)
     for path in curves:
         facts = listed.pop(path, {})
-        yield _source(path, _name(path, top, prefix), facts, plan, pattern)
+        yield _source(path, top, _name(path, top, prefix), facts, plan, layout)
     inside = set(folders)
     below: dict[Path, dict[Path, Facts]] = {}
     for path, facts in listed.items():
@@ -175,7 +166,7 @@ def _walk(
             reason = f"{path}: listed in {facts['listed']}, and not there"
             yield Source(_name(path, top, prefix), path, error=reason)
     for path in folders:
-        yield from _walk(path, prefix, below.get(path, {}), plan, pattern, top)
+        yield from _walk(path, prefix, below.get(path, {}), plan, layout, top)
 
 
 def _kind(entry: os.DirEntry[str]) -> tuple[str, str]:
@@ -196,18 +187,27 @@ def _kind(entry: os.DirEntry[str]) -> tuple[str, str]:
 
 
 def _source(
-    path: Path, name: str, facts: Facts, plan: Plan, pattern: re.Pattern[str] | None
+    path: Path, top: Path, name: str, facts: Facts, plan: Plan, layout: PathLayout | None
 ) -> Source:
-    """Return a file with all that is known of it."""
+    """Return a file with all that is known of it; `top` is the folder that was named."""
     if "error" in facts:
         return Source(name, path, error=str(facts["error"]))
     try:
-        by_path = _from_path(name, plan.layout, pattern)
-        merged = {**plan.stated, **by_path, **facts}
+        merged = {**plan.stated, **_by_path(path, top, layout), **facts}
         merged.pop("listed", None)
-        return Source(name, path, _checked(merged, str(path)))
+        return Source(name, path, checked(merged, str(path)))
     except InputError as error:
         return Source(name, path, error=str(error))
+
+
+def _by_path(path: Path, top: Path, layout: PathLayout | None) -> Facts:
+    """Return what a path says: pairs from the folder that was named on, a layout inside it."""
+    stem = path.relative_to(top).as_posix().rsplit(".", 1)[0]
+    try:
+        found = pairs_of(f"{real_path(top).name}/{stem}")
+        return found if layout is None else found | layout.facts(stem)
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from None
 
 
 def _name(path: Path, top: Path, prefix: str) -> str:
@@ -226,49 +226,6 @@ def _folder_names(folders: Sequence[Path]) -> list[str]:
     return [
         name if names.count(name) == 1 else f"{name}-{k}" for k, name in enumerate(names, start=1)
     ]
-
-
-# ---- what a path says -----------------------------------------------------------------------
-
-
-def layout_pattern(layout: str) -> re.Pattern[str]:
-    """Return the pattern of `{subject}/{site}/v{visit}` as a regular expression.
-
-    Raises:
-        InputError: it names something that there is not, or nothing, or something twice.
-    """
-    parts = re.split(r"\{(\w+)\}", layout)
-    names = parts[1::2]
-    known = (*LABELS, *SETUP)
-    for name in names:
-        if name not in known and name != "any":
-            raise InputError(
-                f"--layout {layout}: {{{name}}} is unknown; expected one of "
-                f"{', '.join('{' + k + '}' for k in known)} and {{any}}"
-            )
-    stated = [name for name in names if name != "any"]
-    if not stated or len(set(stated)) < len(stated):
-        raise InputError(f"--layout {layout}: expected each name once, at least one")
-    text = "".join(
-        re.escape(part) if k % 2 == 0 else "[^/]+" if part == "any" else f"(?P<{part}>[^/]+?)"
-        for k, part in enumerate(parts)
-    )
-    return re.compile(rf"(?:.*/)?{text}")
-
-
-def _from_path(name: str, layout: str | None, pattern: re.Pattern[str] | None) -> Facts:
-    stem = name.rsplit(".", 1)[0]
-    found: Facts = {}
-    for part in re.split(r"[/,]", stem):
-        key, equals, value = part.partition("=")
-        if equals and key in (*LABELS, *SETUP) and value:
-            found[key] = value
-    if pattern is not None:
-        match = pattern.fullmatch(stem)
-        if match is None:
-            raise InputError(f"{name}: does not fit --layout {layout}")
-        found |= {key: value for key, value in match.groupdict().items() if value}
-    return found
 
 
 # ---- what tables say ------------------------------------------------------------------------
@@ -332,7 +289,7 @@ def _listed(table: Table) -> dict[Path, Facts]:
         else:
             wanted = {k: v for k, v in cells.items() if k != "file" and not _is_ours(k)}
             try:
-                facts |= _checked(wanted | {k: cells[k] for k in NOISE if k in cells}, where)
+                facts |= checked(wanted | {k: cells[k] for k in NOISE if k in cells}, where)
             except InputError as error:
                 facts["error"] = str(error)
         found[path] = facts
@@ -365,73 +322,8 @@ def _campaign(path: Path) -> dict[Path, Facts]:
         known = (*SETUP, *LABELS)
         facts: Facts = {"listed": path.name, "campaign": path.parent.name}
         try:
-            facts |= _checked(shared | {k: v for k, v in entry.items() if k in known}, where)
+            facts |= checked(shared | {k: v for k, v in entry.items() if k in known}, where)
         except InputError as error:
             facts["error"] = str(error)
         found[Path(os.path.normpath(path.parent / entry["file"]))] = facts
     return found
-
-
-def _checked(facts: Mapping[str, Any], where: str) -> Facts:
-    """Return facts as numbers and text.
-
-    Raises:
-        InputError: a value is out of its range or none.
-    """
-    found: Facts = {}
-    for name, value in facts.items():
-        if value is None or value == "":
-            continue
-        if name in _NUMBERS or name in _WHOLE:
-            try:
-                found[name] = int(str(value)) if name in _WHOLE else float(value)
-            except (TypeError, ValueError):
-                raise InputError(f"{where}: {name} is {value!r}, expected a number") from None
-        else:
-            found[name] = " ".join(str(value).split())[:_LONGEST]
-    try:
-        if "program" in found:
-            parse_program(found["program"])
-        setup = {k: found[k] for k in SETUP if k in found and k != "program"}
-        Setup(**{"aperture_mm": 6.0, "thickness_mm": 1.0, **setup})
-    except InputError as error:
-        raise InputError(f"{where}: {error}") from None
-    for name in NOISE:
-        if name in found and not 0 <= found[name] < 1e6:
-            raise InputError(f"{where}: {name} is {found[name]:g}, expected zero or more")
-    return found
-
-
-def pseudonym(subject: str) -> str:
-    """Return the subject as it may stand in tables: what looks like a name is replaced by a code.
-
-    The code is made from the text, so that the same subject has the same code everywhere.
-    """
-    try:
-        return check_subject(subject)
-    except InputError:
-        number = int(hashlib.sha256(subject.encode()).hexdigest()[:12], 16) % 10**7
-        return f"S{number:07d}"
-
-
-def setup_of(facts: Mapping[str, Any]) -> Setup:
-    """Return what the curve was measured with.
-
-    Raises:
-        InputError: aperture or thickness is not known.
-    """
-    missing = [name for name in ("aperture_mm", "thickness_mm") if name not in facts]
-    if missing:
-        raise InputError(
-            f"nothing says its {' and '.join(missing)}: expected a table with the columns file, "
-            "aperture_mm and thickness_mm, or the options --aperture-mm and --thickness-mm"
-        )
-    program = facts.get("program")
-    return Setup(
-        aperture_mm=facts["aperture_mm"],
-        thickness_mm=facts["thickness_mm"],
-        program=None if program is None else parse_program(program),
-        cycle=facts.get("cycle", 1),
-        repeat=facts.get("repeat", 1),
-        thickness_sd_mm=facts.get("thickness_sd_mm"),
-    )

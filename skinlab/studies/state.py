@@ -25,7 +25,7 @@ from skinlab.io.documents import read_json
 from skinlab.io.files import make_folder
 from skinlab.io.sqlite import check_only_tables
 from skinlab.studies.compute import Computed, Task
-from skinlab.studies.sources import LABELS, pseudonym
+from skinlab.studies.facts import LABELS, pseudonym
 from skinlab.text import inert
 
 Kind = TypeVar("Kind")

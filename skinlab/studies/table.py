@@ -25,7 +25,7 @@ from skinlab.io.documents import text_of
 from skinlab.io.files import whole_file, whole_text
 from skinlab.mechanics.materials import get_law
 from skinlab.recording.recorder import identification_settings
-from skinlab.studies.sources import LABELS, SETUP, pseudonym
+from skinlab.studies.facts import LABELS, SETUP, pseudonym
 from skinlab.studies.state import State, Stored
 from skinlab.text import csv_cell, inert, needs
 from skinlab.versions import versions

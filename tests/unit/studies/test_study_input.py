@@ -10,6 +10,9 @@ import numpy as np
 import pytest
 from studies import rows_of, study
 
+from skinlab.errors import InputError
+from skinlab.studies.path_layout import PathLayout, pairs_of
+
 HEAD = ["time_s", "pressure_mbar", "deflection_mm"]
 SETUP = ("--aperture-mm", 6, "--thickness-mm", 1.2, "--workers", 1)
 
@@ -72,3 +75,66 @@ def test_what_nothing_is_open_in_is_read_and_all_else_is_listed_and_counted(curv
     prior = tomllib.loads((out / "study.toml").read_text())
     assert (prior["people"], prior["curves"]) == (8, 8)
     assert prior["source"] == "out, 12 of 13 curves identified"
+
+
+def test_a_layout_is_of_the_whole_path_inside_each_folder(curve, tmp_path):
+    for folder, person, site in (("a", "P1", "arm"), ("b", "P2", "leg"), ("b", "P3", "leg")):
+        write(tmp_path / folder / person / site / "v1.csv", curve)
+    write(tmp_path / "b" / "2026" / "P4" / "leg" / "v1.csv", curve)
+    out = tmp_path / "out"
+    folders = (tmp_path / "a", tmp_path / "b")
+    done = study(*folders, "--out", out, "--layout", "{subject}/{site}/v{visit}", *SETUP)
+    rows = rows_of(out / "curves.csv")
+    assert [(r["file"], r["subject"], r["site"]) for r in rows] == [
+        ("a/P1/arm/v1.csv", "P1", "arm"),
+        ("b/P2/leg/v1.csv", "P2", "leg"),
+        ("b/P3/leg/v1.csv", "P3", "leg"),
+    ]
+    (failure,) = rows_of(out / "failures.csv")
+    assert failure["file"] == "b/2026/P4/leg/v1.csv"
+    assert "does not say what 2026/ is" in failure["reason"]
+    assert "{any}/{subject}/{site}/v{visit}" in failure["reason"]
+    assert done.return_value == 3
+
+
+@pytest.mark.parametrize(
+    ("layout", "path", "found"),
+    [
+        ("{any}/{subject}/v{visit}", "x/P1/v2", {"subject": "P1", "visit": "2"}),
+        ("{subject}_{any}", "P1_scan_3", {"subject": "P1"}),
+        ("{any}_{subject}", "scan_3_P1", {"subject": "P1"}),
+        ("{subject}/v{visit}", "x/P1/v2", "or {any}/{subject}/v{visit} if"),
+        ("{subject}/{site}/{visit}", "P1/v2", "the whole path inside the folder"),
+        ("{subject}_{site}", "P_1_arm", "two ways: subject may be 'P' or 'P_1'"),
+        ("{subject}/{site}_{visit}", "P_1/arm_2", {"subject": "P_1", "site": "arm", "visit": "2"}),
+    ],
+)
+def test_a_path_fits_a_layout_in_one_way_or_a_sentence_says_why(layout, path, found):
+    if isinstance(found, dict):
+        assert PathLayout.of(layout).facts(path) == found
+        return
+    with pytest.raises(InputError) as refused:
+        PathLayout.of(layout).facts(path)
+    assert found in str(refused.value)
+
+
+def test_parts_of_a_path_that_contradict_each_other_are_refused():
+    assert pairs_of("subject=P1/site=arm,visit=2/who=x") == {
+        "subject": "P1",
+        "site": "arm",
+        "visit": "2",
+    }
+    assert pairs_of("subject=P1/subject=P1") == {"subject": "P1"}
+    with pytest.raises(InputError, match="subject=P1 and subject=P2 in one path"):
+        pairs_of("subject=P1/subject=P2/c")
+
+
+def test_a_wrong_option_is_refused_before_anything_is_lost(curve, tmp_path):
+    write(tmp_path / "in" / "c.csv", curve)
+    study(tmp_path / "in", "--out", tmp_path / "out", *SETUP)
+    before = (tmp_path / "out" / "curves.csv").read_bytes()
+    wrong = ("--aperture-mm", 0.6, "--thickness-mm", 1)
+    with pytest.raises(InputError, match=r"stated for all files: aperture_mm 0\.6"):
+        study(tmp_path / "in", "--out", tmp_path / "out", *wrong)
+    study(tmp_path / "in", "--out", tmp_path / "out", *SETUP)
+    assert (tmp_path / "out" / "curves.csv").read_bytes() == before

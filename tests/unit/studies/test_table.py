@@ -24,7 +24,8 @@ from skinlab.cli.main import cli
 from skinlab.errors import InputError
 from skinlab.recording.session import read_session
 from skinlab.studies.compute import draws_of
-from skinlab.studies.sources import layout_pattern, pseudonym
+from skinlab.studies.facts import pseudonym
+from skinlab.studies.path_layout import PathLayout
 from skinlab.studies.state import State
 from skinlab.studies.table import Placements
 
@@ -345,10 +346,9 @@ def test_a_wrong_value_in_a_table_names_its_line(cohort, tmp_path):
 
 
 def test_a_layout_says_what_is_wrong_with_it():
-    assert layout_pattern("{subject}/v{visit}").fullmatch("x/P1/v2")["visit"] == "2"
     for wrong in ("{who}", "plain", "{site}/{site}"):
         with pytest.raises(InputError, match="--layout"):
-            layout_pattern(wrong)
+            PathLayout.of(wrong)
 
 
 def test_names_do_not_reach_the_table():
