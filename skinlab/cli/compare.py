@@ -14,7 +14,7 @@ from skinlab.cli.options import (
     scatter_of,
     study_option,
 )
-from skinlab.cli.output import echo, print_json
+from skinlab.cli.output import echo, echo_text, print_json
 
 
 @click.command()
@@ -30,6 +30,11 @@ from skinlab.cli.output import echo, print_json
     help="Smallest change that matters; where it could not have been shown, the answer stays open  "
     "[default: 30].",
 )
+@click.option(
+    "--between-people",
+    is_flag=True,
+    help="Hold two people against each other, who are refused otherwise.",
+)
 @json_option()
 def command(
     before: Path,
@@ -39,6 +44,7 @@ def command(
     control: tuple[Path, Path] | None,
     placement_scatter: float | str | None,
     relevant_percent: float | None,
+    between_people: bool,
     as_json: bool,
 ) -> int:
     """Say whether the skin of session AFTER differs from that of BEFORE.
@@ -46,7 +52,7 @@ def command(
     All whole first-cycle curves of a session are fitted together, whatever their openings. The
     answer for each parameter is: changed, no change shown, or too uncertain to say. With it stands
     the smallest change that could have been shown, given the scatter of placing the probe anew, of
-    days and of operators.
+    days and of operators. Sessions of different people are refused, and different sites are named.
 
     \b
     Example: skinlab compare monday.h5 friday.h5 --study study
@@ -57,16 +63,18 @@ def command(
     from skinlab.acquisition.replay import identifier_of
     from skinlab.errors import InputError
     from skinlab.inference.compare import compare, in_words
-    from skinlab.recording.session import read_session
     from skinlab.recording.session_fit import fit_session
     from skinlab.studies import change
+    from skinlab.studies.comparison import read_compared
     from skinlab.studies.settings import CHANGES
 
+    if between_people and control is not None:
+        raise click.UsageError("--between-people and --control exclude each other")
     relevant = CHANGES.relevant_percent if relevant_percent is None else relevant_percent
     if not 0 < relevant < 1e4:
         raise InputError(f"relevant_percent {relevant:g}: expected a positive number")
     paths = (before, after, *(control or ()))
-    sessions = [read_session(path) for path in paths]
+    sessions, notes = read_compared(paths, between_people=between_people)
     identifier, warning = identifier_of(sessions[0], database_path)
     if warning:
         echo(f"skinlab: {warning}", err=True)
@@ -92,8 +100,11 @@ def command(
     )
     if as_json:
         files = [str(path) for path in paths]
-        print_json(found.to_json() | {"files": files, "change": judged.to_json()})
+        more = {"files": files, "notes": list(notes), "change": judged.to_json()}
+        print_json(found.to_json() | more)
         return 0
+    for sentence in notes:
+        echo_text(sentence)
     for line in change.in_words(judged):
         echo(line)
     echo(f"If nothing but {found.counted} differed between the sessions:")

@@ -9,10 +9,11 @@ from pathlib import Path
 from skinlab.errors import InputError
 from skinlab.inference.identify import Identifier
 from skinlab.mechanics.names import heading
-from skinlab.recording.session import read_session
+from skinlab.recording.session import Session, read_session
 from skinlab.recording.session_fit import comparable, excluded_of, fit_curves
 from skinlab.report.page import Section, Table
 from skinlab.studies.change import WORDS, Changed, Changes, changes, condition, side_of
+from skinlab.studies.whose import check_whose, whose
 
 
 @dataclass(frozen=True)
@@ -27,6 +28,7 @@ class Since:
     found: Changes
     conditions: frozenset[tuple[float, str]]
     control: tuple[Path, Path] | None = None
+    notes: tuple[str, ...] = ()  # of whose skin it is
 
 
 def since(
@@ -35,17 +37,21 @@ def since(
     after: Path,
     control: tuple[Path, Path] | None = None,
     study: Path | None = None,
+    *,
+    between_people: bool = False,
 ) -> Since:
     """Return how `after` differs from `before`; takes about a second for each session.
 
     `control` are two sessions of a site that was left alone, on the same days: their change is
     taken away. `study` is a folder of `skinlab study`: how much visits and operators scatter.
+    `between_people`: of two people, on purpose.
 
     Raises:
-        SkinlabError: one cannot be read or fitted, or they have no opening and program in common.
+        SkinlabError: one cannot be read or fitted, they have no opening and program in common, or
+            they are of different people.
     """
     paths = (before, after, *(control or ()))
-    sessions = [read_session(path) for path in paths]
+    sessions, notes = read_compared(paths, between_people=between_people)
     kept = [comparable(s.curves, excluded_of(s)) for s in sessions]
     shared = frozenset.intersection(*(frozenset(map(condition, curves)) for curves in kept))
     if not shared:
@@ -59,7 +65,22 @@ def since(
         sides.append(side_of(session, fit_curves(identifier, path.name, alike), shared))
     beside = (sides[2], sides[3]) if control else None
     found = changes(sides[0], sides[1], study=study, control=beside)
-    return Since(before, str(sessions[0].meta.get("created_utc") or ""), found, shared, control)
+    begun = str(sessions[0].meta.get("created_utc") or "")
+    return Since(before, begun, found, shared, control, notes)
+
+
+def read_compared(
+    paths: Sequence[Path], *, between_people: bool = False
+) -> tuple[list[Session], tuple[str, ...]]:
+    """Return the sessions BEFORE, AFTER and perhaps those of a control, and of whose skin they are.
+
+    Raises:
+        SkinlabError: one cannot be read, or they are of different people.
+    """
+    sessions = [read_session(path) for path in paths]
+    before, after, *control = map(whose, paths, sessions)
+    beside = (control[0], control[1]) if control else None
+    return sessions, check_whose(before, after, beside, between_people=between_people)
 
 
 def section(compared: Since | str) -> Section:
@@ -69,8 +90,9 @@ def section(compared: Since | str) -> Section:
     found = compared.found
     alike = "; ".join(f"{a:g} mm, {p or 'no program'}" for a, p in sorted(compared.conditions))
     sentences = [
+        *compared.notes,
         f"Compared with {compared.before.name} of {compared.begun_utc[:10] or 'an unknown day'}, "
-        f"by what both measured alike ({alike})."
+        f"by what both measured alike ({alike}).",
     ]
     if compared.control is not None:
         names = " and ".join(path.name for path in compared.control)

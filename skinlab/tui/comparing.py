@@ -22,8 +22,9 @@ def compare_with(
     identifier: Identifier,
     serial_number: str,
     study: Path | None,
+    visit: tuple[str, str] | None = None,
 ) -> Compared:
-    """Return how curves differ from an earlier session.
+    """Return how curves differ from an earlier session; `visit` is their subject and site.
 
     Only what both measured alike is compared. What placing the probe anew scatters counts, and the
     smallest change that could have been shown is said; `study` is a folder of `skinlab study`.
@@ -33,10 +34,14 @@ def compare_with(
     """
     from skinlab.recording.session import read_session
     from skinlab.studies import change
+    from skinlab.studies.whose import Whose, check_whose, differ, whose
 
     session = read_session(before)
+    earlier, present = whose(before, session), Whose("this session", *(visit or ()))
+    two = differ(earlier.subject, present.subject)
+    notes = check_whose(earlier, present, between_people=two)
     then, now = sides(before, session, curves, identifier, serial_number)
-    return Compared(_lines(before, session, change.changes(then, now, study=study)))
+    return Compared(_lines(before, session, notes, change.changes(then, now, study=study)))
 
 
 def sides(
@@ -73,10 +78,10 @@ def sides(
     return earlier, now
 
 
-def _lines(before: Path, session: Session, found: Changes) -> tuple[str, ...]:
+def _lines(before: Path, session: Session, notes: Sequence[str], found: Changes) -> tuple[str, ...]:
     from skinlab.studies import change
 
     meta = session.meta
     who = ", ".join(str(meta[k]) for k in ("subject", "site") if meta.get(k))
     title = f"Changed since {before.name} ({who or 'no subject'})?"
-    return (title, *(f"  {line}" for line in change.in_words(found)))
+    return (title, *(f"  {line}" for line in (*notes, *change.in_words(found))))

@@ -65,7 +65,8 @@ class SessionKeys(Part):
         path = self.app.folder / Path(typed).expanduser() if typed else self._before()
         if path is None:
             raise InputError("there is no earlier visit of this subject and site here")
-        self.app.post(compare_with(path, *self._known(curves), self.board.study))
+        board = self.board
+        self.app.post(compare_with(path, *self._known(curves), board.study, board.visit))
 
     def _known(self, curves: Sequence[Curve]) -> tuple[list[Curve], Identifier, str]:
         """Return those that are identified, by what, and by which probe."""

@@ -32,7 +32,7 @@ from skinlab.tui.visits import (
 
 if TYPE_CHECKING:
     from skinlab.inference.identify import Identifier
-    from skinlab.studies.change import Changes
+    from skinlab.studies.comparison import Since
 
 _NONE = "There is no visit here."
 
@@ -213,11 +213,9 @@ class VisitsScreen(BoardScreen):
         def compare() -> str:
             from skinlab.studies.change import in_words
 
-            whose = {(r.subject, r.site) for r in (first, second)}
-            lines = [f"{when(first)} {first.file} and {when(second)} {second.file}:"]
-            if len(whose) > 1:
-                lines.append("These are of different subjects or sites: a change is a difference.")
-            return "\n".join([*lines, *in_words(self._changes(first, second))])
+            title = f"{when(first)} {first.file} and {when(second)} {second.file}:"
+            compared = self._since(first, second)
+            return "\n".join([title, *compared.notes, *in_words(compared.found)])
 
         self._compute("comparing …", compare)
 
@@ -231,25 +229,32 @@ class VisitsScreen(BoardScreen):
         columns = self.query_one("#visits-text").size.width or 76
 
         def trend() -> str:
-            changes = self._changes(rows[0], rows[-1]) if len(rows) > 1 else None
+            changes = self._since(rows[0], rows[-1]).found if len(rows) > 1 else None
             return "\n".join(trend_lines(rows, columns, changes))
 
         self._compute("following …", trend)
 
     # ---- what takes a while -------------------------------------------------------------------
 
-    def _changes(self, before: VisitRow, after: VisitRow) -> Changes:
+    def _since(self, before: VisitRow, after: VisitRow) -> Since:
+        """Return how two visits differ; that two people do is said, and nobody has to ask for it.
+
+        A control is of one person.
+        """
         from skinlab.studies.comparison import since
+        from skinlab.studies.whose import differ
 
         paths = (self._folder / before.file, self._folder / after.file)
         whose = self._control
+        two = differ(before.subject, after.subject)
         control = None
-        if whose is not None and whose[0] == before.subject and whose[1] != before.site:
+        if not two and whose is not None and whose[0] == before.subject and whose[1] != before.site:
             control = (
                 self._folder / at_control(self._rows, before, whose[1]).file,
                 self._folder / at_control(self._rows, after, whose[1]).file,
             )
-        return since(self._identifier(), *paths, control, self._board.study).found
+        study = self._board.study
+        return since(self._identifier(), *paths, control, study, between_people=two)
 
     def _compute(self, busy: str, call: Callable[[], str]) -> None:
         """Write what a call returns, or why it cannot, from a thread."""
