@@ -36,13 +36,14 @@ from skinlab.mechanics.names import effect_words
 from skinlab.report.page import Illustration, Section, Table
 from skinlab.report.pictures import style, to_data_uri
 from skinlab.studies.compute import curves_of
+from skinlab.studies.copies import copied_files
 from skinlab.studies.facts import Facts
 from skinlab.studies.plots import draw_pooled
 from skinlab.studies.run import How
 from skinlab.studies.settings import POOLS
 from skinlab.studies.sources import SESSIONS
 from skinlab.studies.state import State
-from skinlab.studies.table import Cell
+from skinlab.studies.table import Cell, held
 from skinlab.tables.base import Database
 from skinlab.text import counted
 from skinlab.workers import on_cluster, on_processes
@@ -94,14 +95,13 @@ class Evidence:
 
 
 def tasks_of(state: State, settings: str) -> Iterator[Task]:
-    """Yield the campaigns of a study, in the order of their names; a copied file counts once."""
-    seen: set[str] = set()
+    """Yield the campaigns of a study, in the order of their names, without copied files."""
+    copies = copied_files([held(stored) for stored in state.curves()])
     groups: dict[str, list[tuple[str, Facts, str]]] = {}
     labels: dict[str, dict[str, str]] = {}
     for source in state.readable():
-        if source.sha256 in seen:
+        if source.name in copies:
             continue
-        seen.add(source.sha256)
         known = source.labels
         if source.path.suffix.lower() in SESSIONS:
             key = source.name

@@ -23,6 +23,7 @@ from skinlab.io.log import log_exception
 from skinlab.recording.audit import entries
 from skinlab.recording.session import Session, read_session
 from skinlab.recording.stream import setup_to_json
+from skinlab.studies.copies import readings_hash
 from skinlab.studies.facts import Facts, setup_of
 from skinlab.studies.settings import PRIORS
 from skinlab.studies.sources import SESSIONS, sha256_of
@@ -101,7 +102,10 @@ def curves_of(path: Path, facts: Facts) -> list[Curve]:
     """
     if path.suffix.lower() in SESSIONS:
         return list(read_session(path).curves)
-    setup = setup_of(facts)
+    try:
+        setup = setup_of(facts)
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from None
     if path.stat().st_size > MOST_BYTES:
         raise InputError(f"{path}: larger than {MOST_BYTES >> 20} MB; expected one curve")
     curve = read_any(path, setup, Answers(command="skinlab import"))
@@ -140,6 +144,7 @@ def _row(identifier: Identifier, curve: Curve, known: dict[str, Any]) -> Row:
         "known": known,
         "result": answer,
         "step": _step(curve),
+        "readings": readings_hash(curve),
     }
     return Row(json.dumps(said, allow_nan=False), draws_of(result).astype("<f4").tobytes())
 

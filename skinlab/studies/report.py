@@ -75,7 +75,7 @@ def flags_of(table: Columns) -> list[Row]:
         if failed:
             counts["not identified"] = failed
     if copies := int((table.text["same_as"] != "").sum()):
-        counts["the same file again (left out)"] = copies
+        counts["the same curve again (left out)"] = copies
     if silent := int(tells_nothing(table).sum()):
         counts["tells no parameter (left out)"] = silent
     return [

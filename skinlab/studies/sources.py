@@ -33,6 +33,7 @@ from skinlab.studies.facts import LABELS, NOISE, SETUP, Facts, checked
 from skinlab.studies.path_layout import PathLayout, pairs_of
 
 SESSIONS = frozenset({".h5", ".hdf5"})
+STATE = "study.sqlite"  # in the folder that a study writes
 LEFT_ALONE = "left alone: "  # how the reason begins of what nobody would take for a curve
 
 _ENDINGS = SUFFIXES | SESSIONS
@@ -51,6 +52,11 @@ class Source:
     path: Path
     facts: Facts = field(default_factory=dict)
     error: str | None = None
+
+    @property
+    def left_alone(self) -> bool:
+        """Whether it is no curve, and nobody would take it for one."""
+        return self.error is not None and self.error.startswith(LEFT_ALONE)
 
 
 @dataclass(frozen=True)
@@ -87,18 +93,30 @@ def find_sources(plan: Plan) -> Iterator[Source | Table]:
     """Yield tables of people, then every file, folder by folder, in the order of their names.
 
     Raises:
-        InputError: a folder does not exist, the layout is none, or what is stated is out of range.
+        InputError: a folder does not exist, no curve is in any, the layout is none, or what is
+            stated is out of range.
     """
     layout = None if plan.layout is None else PathLayout.of(plan.layout)
     checked(plan.stated, "stated for all files")
     names = _folder_names(plan.folders)
+    for folder in plan.folders:
+        if not folder.exists():
+            raise InputError(f"{folder}: no such folder")
+    empty: list[Source] = []
     for folder, prefix in zip(plan.folders, names, strict=True):
         if folder.is_file():
             yield _source(folder, folder.parent, folder.name, {}, plan, layout)
             continue
-        if not folder.is_dir():
-            raise InputError(f"{folder}: no such folder")
-        yield from _walk(folder, prefix, {}, plan, layout, folder)
+        curves = False
+        for found in _walk(folder, prefix, {}, plan, layout, folder):
+            curves = curves or (isinstance(found, Source) and not found.left_alone)
+            yield found
+        if not curves:
+            reason = f"{folder}: no curve is in it; expected {', '.join(sorted(_ENDINGS))}"
+            empty.append(Source(prefix or folder.name, folder, error=reason))
+    if len(empty) == len(plan.folders):  # a wrong folder, or a drive that is away
+        raise InputError("; ".join(str(one.error) for one in empty))
+    yield from empty
 
 
 def _walk(
@@ -114,6 +132,10 @@ def _walk(
         entries = sorted(os.scandir(folder), key=lambda e: e.name)
     except OSError as error:
         yield Source(prefix or folder.name, folder, error=f"{folder}: {error.strerror or error}")
+        return
+    if any(entry.name == STATE for entry in entries):
+        reason = f"{LEFT_ALONE}{folder}: the folder of a study"
+        yield Source(_name(folder, top, prefix), folder, error=reason)
         return
     folders, files = [], []
     for entry in entries:

@@ -26,12 +26,12 @@ from skinlab.io.files import make_folder
 from skinlab.io.sqlite import check_only_tables
 from skinlab.studies.compute import Computed, Task
 from skinlab.studies.facts import LABELS, pseudonym
+from skinlab.studies.sources import STATE
 from skinlab.text import inert
 
 Kind = TypeVar("Kind")
 
 SCHEMA = "skinlab.study.state/1"
-NAME = "study.sqlite"
 
 _TABLES = """
 CREATE TABLE IF NOT EXISTS meta (name TEXT PRIMARY KEY, value TEXT NOT NULL);
@@ -58,6 +58,7 @@ class _Said(msgspec.Struct):
     known: dict[str, Any]
     result: dict[str, Any]
     step: dict[str, float]
+    readings: str = ""  # a hash of them; older studies have none
 
 
 class _Made(msgspec.Struct):
@@ -101,7 +102,7 @@ class State:
     """
 
     def __init__(self, folder: Path) -> None:
-        self.path = folder / NAME
+        self.path = folder / STATE
         if folder.exists() and not folder.is_dir():
             raise InputError(f"{folder}: expected a folder for the study")
         if folder.is_dir() and not self.path.exists() and any(folder.iterdir()):

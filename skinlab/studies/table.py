@@ -25,6 +25,7 @@ from skinlab.io.documents import text_of
 from skinlab.io.files import whole_file, whole_text
 from skinlab.mechanics.materials import get_law
 from skinlab.recording.recorder import identification_settings
+from skinlab.studies.copies import Held, copies_of
 from skinlab.studies.facts import LABELS, SETUP, pseudonym
 from skinlab.studies.state import State, Stored
 from skinlab.text import csv_cell, inert, needs
@@ -104,16 +105,20 @@ def rows(state: State, layout: Layout, identifier: Identifier) -> Iterator[dict[
     """Yield the rows of the table, in the order of the files."""
     same = _constant(identifier)
     people = state.people()
-    seen: dict[tuple[str, int], str] = {}
+    copies = copies_of(held(stored) for stored in state.curves())
     placements = Placements()
     for stored in state.curves():
         row = _row(stored, layout, people) | same
-        key = (stored.sha256, stored.number)
-        row["same_as"] = seen.setdefault(key, stored.source)
-        if row["same_as"] == stored.source:
-            row["same_as"] = None
+        row["same_as"] = copies.get((stored.source, stored.number))
         row["placement"] = placements.of(row)
         yield row
+
+
+def held(stored: Stored) -> Held:
+    """Return what tells a stored curve from others."""
+    labelled = bool({**stored.said["known"], **stored.facts}.get("subject"))
+    readings = stored.said["readings"]
+    return Held(stored.source, stored.number, stored.sha256, readings, labelled)
 
 
 class Placements:

@@ -23,6 +23,7 @@ from skinlab.io.files import write_file
 from skinlab.report.pictures import NO_PICTURES, have_pictures
 from skinlab.studies.analysis import FACETS
 from skinlab.studies.campaigns import Evidence, Shared, evidence, explain_all, section
+from skinlab.studies.copies import of_others
 from skinlab.studies.population import Posterior, learn, to_toml
 from skinlab.studies.reference import reference_of, write_reference
 from skinlab.studies.reliability import Reliability, reliability, repeats_for
@@ -225,7 +226,7 @@ def _write(
         "missing_effects": None
         if effects is None
         else {"campaigns": list(effects.campaigns), "pooled": list(effects.pooled)},
-        "notes": [*found.notes, *missing],
+        "notes": [*found.notes, *missing, *of_others(table.text)],
         "files": [name for name in files if (out / name).exists()],
     }
     document["files"] += ["study.json", CRATE]
@@ -243,6 +244,7 @@ def _write(
     lines = [f"{identified} of {counted(count, 'curve')} identified: {out / 'curves.csv'}"]
     if copies:
         lines.append(f"{counted(copies, 'curve')} a second time (same_as), not counted again")
+        lines += [f"  {sentence}" for sentence in of_others(table.text)]
     lines += _lines(found)
     lines += _repeat_lines(document["repeats"] or ())
     lines += _effect_lines(effects)

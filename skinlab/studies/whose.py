@@ -136,6 +136,13 @@ def _of_control(before: Whose, after: Whose, control: tuple[Whose, Whose]) -> li
             f"The sites of the control differ ({first.site} and {last.site}): a difference of "
             "places is taken away."
         )
+    for one, other in zip(control, (before, after), strict=True):
+        days = one.measured_utc[:10], other.measured_utc[:10]
+        if all(days) and days[0] != days[1]:
+            notes.append(
+                f"{one.file} was measured on {days[0]}, {other.file} on {days[1]}: what a day does "
+                "is not taken away."
+            )
     alike = {
         one.site
         for one, other in zip(control, (before, after), strict=True)

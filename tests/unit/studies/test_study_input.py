@@ -10,8 +10,11 @@ import numpy as np
 import pytest
 from studies import rows_of, study
 
+from skinlab.cli.main import run
 from skinlab.errors import InputError
+from skinlab.studies.campaigns import tasks_of
 from skinlab.studies.path_layout import PathLayout, pairs_of
+from skinlab.studies.state import State
 
 HEAD = ["time_s", "pressure_mbar", "deflection_mm"]
 SETUP = ("--aperture-mm", 6, "--thickness-mm", 1.2, "--workers", 1)
@@ -69,7 +72,7 @@ def test_what_nothing_is_open_in_is_read_and_all_else_is_listed_and_counted(curv
     assert rows["site/vented.csv"]["error"] in reasons["site/vented.csv"]
     document = json.loads((out / "study.json").read_text())
     counts = ("curves", "curves_identified", "curves_copied", "files_not_used", "files_left_alone")
-    assert [document[name] for name in counts] == [13, 12, 0, 5, 1]
+    assert [document[name] for name in counts] == [13, 12, 3, 5, 1]
     assert f"12 of 13 curves identified: {out / 'curves.csv'}" in done.output
     assert f"5 files could not be used, see {out / 'failures.csv'}" in done.output
     prior = tomllib.loads((out / "study.toml").read_text())
@@ -138,3 +141,51 @@ def test_a_wrong_option_is_refused_before_anything_is_lost(curve, tmp_path):
         study(tmp_path / "in", "--out", tmp_path / "out", *wrong)
     study(tmp_path / "in", "--out", tmp_path / "out", *SETUP)
     assert (tmp_path / "out" / "curves.csv").read_bytes() == before
+
+
+def test_a_curve_counts_once_however_its_files_are_called(curve, tmp_path):
+    folder, out = tmp_path / "in", tmp_path / "out"
+    write(folder / "a_raw.csv", curve)
+    write(folder / "b" / "subject=P1" / "c.csv", curve, separator=";")
+    write(folder / "b" / "subject=P2" / "c.csv", curve)
+    write(folder / "b" / "subject=P2" / "other.csv", curve * [1, 1, 1.1])
+    told = ["--aperture-mm", "6", "--thickness-mm", "1.2", "--subject", "P-1"]
+    assert run(["import", str(folder / "a_raw.csv"), *told, "--out", str(folder / "v.h5")]) == 0
+    done = study(folder, "--out", out, *SETUP)
+    same = {row["file"]: row["same_as"] for row in rows_of(out / "curves.csv")}
+    first = "b/subject=P1/c.csv"  # nobody stated whose a_raw.csv is
+    others = dict.fromkeys(("a_raw.csv", "b/subject=P2/c.csv", "v.h5"), first)
+    assert same == {first: "", "b/subject=P2/other.csv": "", **others}
+    assert "3 curves a second time (same_as)" in done.output
+    says = f"b/subject=P2/c.csv has the same readings as {first}, and another subject"
+    assert says in done.output
+    with State(out) as state:
+        files = {path for task in tasks_of(state, "") for path, _ in task.files}
+    assert files == {str(folder / name) for name in (first, "b/subject=P2/other.csv")}
+    assert any(says in note for note in json.loads((out / "study.json").read_text())["notes"])
+
+
+def test_a_folder_without_curves_is_no_study_and_loses_none(curve, tmp_path):
+    good, empty, out = tmp_path / "good", tmp_path / "empty", tmp_path / "out"
+    write(good / "c.csv", curve)
+    empty.mkdir()
+    (empty / "photo.jpg").write_bytes(b"x")
+    study(good, "--out", out, *SETUP)
+    before = (out / "curves.csv").read_bytes()
+    with pytest.raises(InputError, match=r"empty: no curve is in it; expected \.asc"):
+        study(empty, "--out", out, *SETUP)
+    assert (out / "curves.csv").read_bytes() == before
+    done = study(good, empty, "--out", tmp_path / "both", *SETUP)
+    assert done.return_value == 3
+    assert [r["file"] for r in rows_of(tmp_path / "both" / "curves.csv")] == ["good/c.csv"]
+    reasons = {r["file"]: r["reason"] for r in rows_of(tmp_path / "both" / "failures.csv")}
+    assert "no curve is in it" in reasons["empty"]
+
+
+def test_the_folder_of_another_study_is_left_alone(curve, tmp_path):
+    write(tmp_path / "in" / "c.csv", curve)
+    study(tmp_path / "in", "--out", tmp_path / "in" / "first", *SETUP)
+    done = study(tmp_path / "in", "--out", tmp_path / "second", *SETUP)
+    assert done.return_value == 0
+    (alone,) = rows_of(tmp_path / "second" / "failures.csv")
+    assert (alone["file"], alone["reason"][:10]) == ("first", "left alone")

@@ -55,6 +55,11 @@ def test_a_control_of_another_person_is_refused(control):
         ((A1, A2), (replace(ARM1, site="cheek"), ARM2), "to be a control of: cheek."),
         ((A1, A1), None, "a1.h5 and a1.h5 are one session"),
         ((A1, A2), (ARM1, ARM1), "The control is one session (arm1.h5)"),
+        (
+            (replace(A1, measured_utc="2026-02-01T09"), A2),
+            (replace(ARM1, measured_utc="2026-02-03T09"), ARM2),
+            "arm1.h5 was measured on 2026-02-03, a1.h5 on 2026-02-01",
+        ),
         ((A1, replace(A2, simulated=True)), None, "Of a simulated skin, unlike the others: a2.h5"),
         (
             (replace(A1, measured_utc="2026-02-01"), replace(A2, measured_utc="2026-01-01")),
