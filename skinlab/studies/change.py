@@ -351,7 +351,8 @@ def components_of(study: Path) -> tuple[Path, list[dict[str, str]]]:
         text = text_of(read_whole(path))
         rows = list(csv.DictReader(io.StringIO(text, newline="")))
     except (OSError, ValueError, csv.Error) as error:
-        raise InputError(f"{path}: cannot be read ({error}); expected that of a study") from None
+        why = (isinstance(error, OSError) and error.strerror) or error
+        raise InputError(f"{path}: cannot be read ({why}); expected that of a study") from None
     if rows and not {"condition", "quantity", "component", "variance", "freedom"} <= rows[0].keys():
         raise InputError(f"{path}: expected the components.csv of a study")
     return path, rows
