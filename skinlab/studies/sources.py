@@ -33,6 +33,9 @@ from skinlab.studies.facts import LABELS, NOISE, SETUP, Facts, checked
 from skinlab.studies.path_layout import PathLayout, pairs_of
 
 SESSIONS = frozenset({".h5", ".hdf5"})
+_TEXTS = frozenset({"file", "program", *LABELS})
+_MEANT = frozenset({"time_s", *_TEXTS, *SETUP, *NOISE})
+_DECIMAL_COMMA = re.compile(r"[+-]?[0-9]+,[0-9]+")
 STATE = "study.sqlite"  # in the folder that a study writes
 LEFT_ALONE = "left alone: "  # how the reason begins of what nobody would take for a curve
 
@@ -266,7 +269,7 @@ def read_table(path: Path) -> Table | None:
         raise InputError(f"{path}: {error.strerror or error}") from None
     first = head.split(b"\n", 1)[0].decode("utf-8-sig", errors="replace").strip()
     sign = max(",;\t", key=first.count)
-    columns = tuple(c.strip().strip('"') for c in first.split(sign))
+    columns = tuple(_column(c.strip().strip('"')) for c in first.split(sign))
     if "file" not in columns and "subject" not in columns:
         return None
     if "time_s" in columns:
@@ -280,7 +283,7 @@ def read_table(path: Path) -> Table | None:
         every = [(values, reader.line_num) for values in reader]
     except csv.Error as error:
         raise InputError(f"{path}: line {reader.line_num}: {error}") from None
-    columns = tuple(c.strip() for c in every[0][0])
+    columns = tuple(_column(c.strip()) for c in every[0][0])
     if len(set(columns)) < len(columns):
         raise InputError(f"{path}: line 1: a column is there twice")
     rows = []
@@ -290,8 +293,16 @@ def read_table(path: Path) -> Table | None:
         if len(values) != len(columns):
             raise InputError(f"{path}: line {line}: {len(values)} fields, expected {len(columns)}")
         cells = {c: v.strip() for c, v in zip(columns, values, strict=True) if v.strip()}
+        if sign != ",":  # then a comma may be a decimal sign
+            numbers = (c for c in cells if c not in _TEXTS and _DECIMAL_COMMA.fullmatch(cells[c]))
+            cells |= {c: cells[c].replace(",", ".") for c in numbers}
         rows.append((line, cells))
     return Table(path, columns, rows)
+
+
+def _column(text: str) -> str:
+    """Return the name of a column; those that mean something may be in capitals."""
+    return text.casefold() if text.casefold() in _MEANT else text
 
 
 def _listed(table: Table) -> dict[Path, Facts]:

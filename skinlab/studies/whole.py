@@ -23,7 +23,7 @@ from skinlab.io.files import write_file
 from skinlab.report.pictures import NO_PICTURES, have_pictures
 from skinlab.studies.analysis import FACETS
 from skinlab.studies.campaigns import Evidence, Shared, evidence, explain_all, section
-from skinlab.studies.copies import of_others
+from skinlab.studies.labels import doubtful_labels
 from skinlab.studies.population import Posterior, learn, to_toml
 from skinlab.studies.reference import reference_of, write_reference
 from skinlab.studies.reliability import Reliability, reliability, repeats_for
@@ -111,8 +111,10 @@ def make_study(
             shared = Shared(_dimensionless(identifier), identifier.model)
             effects = explain_all(state, shared, how, settings_of(identifier))
         # All that the other files are made from: where it is as it was, so are they.
+        columns = read_columns(table)
+        doubts = doubtful_labels(columns.text, state.people())
         basis = (
-            *(sha256_of(table), failures, effects, settings_of(identifier), versions()),
+            *(sha256_of(table), failures, doubts, effects, settings_of(identifier), versions()),
             *(str(out), mdc_percent, have_pictures(), find_spec("pyarrow") is not None),
         )
         key = hashlib.sha256(json.dumps(basis, sort_keys=True).encode()).hexdigest()
@@ -121,7 +123,7 @@ def make_study(
             return known
         if not write_parquet(out / "curves.parquet", layout, rows(state, layout, identifier)):
             (out / "curves.parquet").unlink(missing_ok=True)  # that of an earlier state
-        identified = _identified(read_columns(table))
+        identified = _identified(columns)
         prior = learn(
             _posteriors(state, layout, identifier),
             layout.parameters,
@@ -130,7 +132,9 @@ def make_study(
             seed=identifier.seed,
         )
         evidenced = None if effects is None else evidence(effects)
-        made = _write(out, identifier, failures, prior, evidenced, mdc_percent, now)
+        made = _write(
+            out, identifier, columns, failures, doubts, prior, evidenced, mdc_percent, now
+        )
         hashes = {name: sha256_of(out / name) for name in made.document["files"]}
         said = {"document": made.document, "lines": made.lines, "notices": made.notices}
         state.made = {"key": key, "hashes": hashes, **said}
@@ -179,7 +183,9 @@ def _broken(failures: Sequence[Mapping[str, str]]) -> int:
 def _write(
     out: Path,
     identifier: Identifier,
+    table: Columns,
     failures: list[dict[str, str]],
+    doubts: list[str],
     prior: PriorFile | None,
     effects: Evidence | None,
     mdc_percent: float | None,
@@ -189,7 +195,6 @@ def _write(
     notices = [] if (out / "curves.parquet").exists() else [NO_PARQUET]
     write_csv(out / "failures.csv", ("file", "reason"), failures)
     files = ["curves.csv", "curves.parquet", "failures.csv"]
-    table = read_columns(out / "curves.csv")
     found = reliability(table, identifier.seed)
     files += _write_tables(out, table, found, failures, effects)
     if not have_pictures():
@@ -226,7 +231,7 @@ def _write(
         "missing_effects": None
         if effects is None
         else {"campaigns": list(effects.campaigns), "pooled": list(effects.pooled)},
-        "notes": [*found.notes, *missing, *of_others(table.text)],
+        "notes": [*found.notes, *missing, *doubts],
         "files": [name for name in files if (out / name).exists()],
     }
     document["files"] += ["study.json", CRATE]
@@ -244,7 +249,7 @@ def _write(
     lines = [f"{identified} of {counted(count, 'curve')} identified: {out / 'curves.csv'}"]
     if copies:
         lines.append(f"{counted(copies, 'curve')} a second time (same_as), not counted again")
-        lines += [f"  {sentence}" for sentence in of_others(table.text)]
+    lines += doubts
     lines += _lines(found)
     lines += _repeat_lines(document["repeats"] or ())
     lines += _effect_lines(effects)

@@ -13,6 +13,7 @@ from studies import rows_of, study
 from skinlab.cli.main import run
 from skinlab.errors import InputError
 from skinlab.studies.campaigns import tasks_of
+from skinlab.studies.labels import doubtful_labels
 from skinlab.studies.path_layout import PathLayout, pairs_of
 from skinlab.studies.state import State
 
@@ -189,3 +190,36 @@ def test_the_folder_of_another_study_is_left_alone(curve, tmp_path):
     assert done.return_value == 0
     (alone,) = rows_of(tmp_path / "second" / "failures.csv")
     assert (alone["file"], alone["reason"][:10]) == ("first", "left alone")
+
+
+def test_a_table_as_a_spreadsheet_saves_it_is_read(curve, tmp_path):
+    write(tmp_path / "in" / "c.csv", curve)
+    (tmp_path / "in" / "list.csv").write_text(
+        "File;Subject;Thickness_mm;aperture_mm;score\nc.csv;P1;1,25;6;2,5\n"
+    )
+    study(tmp_path / "in", "--out", tmp_path / "out", "--workers", 1)
+    (row,) = rows_of(tmp_path / "out" / "curves.csv")
+    assert (row["subject"], float(row["thickness_mm"]), row["score"]) == ("P1", 1.25, "2.5")
+
+
+def test_labels_that_may_be_wrong_are_said():
+    text = {
+        "file": ["a", "b", "c", "d"],
+        "same_as": ["", "", "", "b"],
+        "subject": ["P1", "p1", "P2", "p1"],
+        "site": ["arm", "left arm", "leftarm", "left arm"],
+        "visit": [""] * 4,
+        "operator": [""] * 4,
+        "probe": [""] * 4,
+    }
+    columns = {name: np.array(values, dtype=str) for name, values in text.items()}
+    assert doubtful_labels(columns, {}) == [
+        "subject: P1, p1 are taken for different ones; write one alike",
+        "site: left arm, leftarm are taken for different ones; write one alike",
+    ]
+    people = {"P1": {"age_years": "old"}, "P2": {"age_years": "30"}, "P9": {}}
+    assert doubtful_labels(columns, people)[2:] == [
+        "a table of people names P9, of whom there is no curve",
+        "the tables of people do not name p1",
+        "P1: age_years is 'old', expected a number; it is not used",
+    ]
