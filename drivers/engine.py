@@ -13,6 +13,7 @@ from dataclasses import dataclass, field
 
 from drivers.connection import Connection
 from drivers.errors import (
+    BrokenDialectError,
     DriverError,
     InstrumentRefusedError,
     LinkError,
@@ -199,7 +200,8 @@ class Engine:
                     return
                 except Exception as error:  # noqa: BLE001 -- whatever it is: vent and say so
                     failures += 1
-                    reason = f"driver failed: {error!r}"
+                    told = isinstance(error, BrokenDialectError)
+                    reason = str(error) if told else f"driver failed: {error!r}"
                     if not self._vent_after(error, reason) or failures > _MAX_FAILURES:
                         self._lost(reason)
                         return
@@ -252,8 +254,11 @@ class Engine:
         with self._lock:
             queued = list(self._queue)
             self._queue.clear()
-        for request in queued:
-            self._begin(request, now)
+        try:
+            while queued:
+                self._begin(queued.pop(0), now)
+        finally:
+            self._pending += queued  # one that failed leaves the others waiting, and not forgotten
 
     def _begin(self, request: Request, now: float) -> None:
         request._deadline = now + request.timeout_s
@@ -269,6 +274,9 @@ class Engine:
             except LocalProtocolError as error:
                 request.fail(error)
                 return
+            except BrokenDialectError as error:  # nothing was sent; who waits is told, and it vents
+                request.fail(error)
+                raise
             self._pending.append(request)
             self._write(request._frame)
         else:
@@ -412,13 +420,14 @@ class Engine:
         try:
             if isinstance(self._connection, StreamConnection):
                 behind = self._end_stream(self._connection, reason, now)
-        finally:
-            self._post(LinkLost(reason), now)
-            for event in self._watchdog.link_lost():
-                if isinstance(event, Alarm):
-                    self._post(event, now)
-            for other in behind:
-                self._deliver(other, now)
+        except Exception as error:  # noqa: BLE001 -- the loss is told, whatever else goes wrong
+            reason = f"{reason}; driver failed: {error!r}"
+        self._post(LinkLost(reason), now)
+        for event in self._watchdog.link_lost():
+            if isinstance(event, Alarm):
+                self._post(event, now)
+        for other in behind:
+            self._deliver(other, now)
 
     def _end_stream(self, connection: StreamConnection, reason: str, now: float) -> list[Event]:
         """Mark the loss, and deliver what comes before it: readings that were held back.
@@ -429,6 +438,7 @@ class Engine:
         self._tap("mark", now, lost_mark(reason))
         connection.mark(lost_mark(reason))
         behind: list[Event] = []
+        # The mark drops the bytes, so that a dialect that broke down at them is asked for none
         while (event := connection.next_event()) is not None:
             if behind or event == State(InstrumentState.IDLE, reason):
                 behind.append(event)

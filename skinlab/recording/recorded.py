@@ -9,11 +9,12 @@ from drivers.capabilities import READ_ONLY
 from drivers.connection import Connection
 from drivers.dialect import Dialect
 from drivers.dialects import DEFAULT, describe_dialect, described_dialect, get_dialect
-from drivers.errors import RemoteProtocolError
+from drivers.errors import BrokenDialectError, RemoteProtocolError
 from drivers.events import Identify, TimedEvent
 from drivers.stream import StreamConnection, connect
 from skinlab.errors import InputError
 from skinlab.io.documents import read_json_object
+from skinlab.plugins import warn
 from skinlab.recording.records import Kind, Record
 from skinlab.recording.stream import Item, Planned, setup_from_json
 
@@ -95,6 +96,9 @@ def _events(connection: Connection | StreamConnection, host_time_s: float) -> It
             event = connection.next_event()
         except RemoteProtocolError:
             continue
+        except BrokenDialectError as error:  # the live run went on with what came behind it
+            warn(str(error))
+            return
         if event is None:
             return
         yield TimedEvent(host_time_s, event)
