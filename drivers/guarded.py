@@ -146,7 +146,7 @@ class GuardedDialect:
             yield
         except allowed:
             raise
-        except (Exception, SystemExit) as error:  # noqa: BLE001 -- anything may be in it
+        except (Exception, SystemExit) as error:
             raise BrokenDialectError(
                 f"{dialect_name(self._dialect)}: broke down: {_reason(error)}"
             ) from error

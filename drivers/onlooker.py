@@ -24,7 +24,6 @@ from drivers.events import (
 from drivers.limits import DEFAULT_LIMITS, Limits
 from drivers.watchdog import SafetyEvent
 
-
 _AWAITED = frozenset({InstrumentState.ARMED, InstrumentState.RUNNING})
 
 
@@ -115,11 +114,14 @@ class Onlooker:
             return self._raise("fault", f"instrument fault {event.code}: {event.text}")
         if isinstance(event, State):
             self._awaited, self._unread = event.state in _AWAITED, 0
-        elif isinstance(event, Damaged) and event.reason.startswith(NO_NUMBERS):
-            if self._awaited or self._pulls:  # before, an instrument may have nothing to say
-                self._unread_since = self._unread_since if self._unread else now
-                self._unread += 1
-                self._why_unread = event.reason
+        elif (
+            isinstance(event, Damaged)
+            and event.reason.startswith(NO_NUMBERS)
+            and (self._awaited or self._pulls)  # before, an instrument may have nothing to say
+        ):
+            self._unread_since = self._unread_since if self._unread else now
+            self._unread += 1
+            self._why_unread = event.reason
         return self._on_sample(event, now) if isinstance(event, Sample) else []
 
     def check(self, now: float) -> list[SafetyEvent]:

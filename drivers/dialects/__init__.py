@@ -148,8 +148,9 @@ def dialect_origin(name: str) -> tuple[str, str] | None:
 def dialect_name(dialect: Dialect) -> str:
     """How a sentence names a dialect: with the package that it comes from, if it is installed."""
     origin = dialect_origin(dialect.name)
-    ours = origin is None or get_dialect(dialect.name) is not dialect
-    return f"{'' if ours else f'plugin {origin[0]}, '}dialect {dialect.name!r}"
+    if origin is None or get_dialect(dialect.name) is not dialect:
+        return f"dialect {dialect.name!r}"
+    return f"plugin {origin[0]}, dialect {dialect.name!r}"
 
 
 def _built_in() -> tuple[str, ...]:
