@@ -17,6 +17,7 @@ from skinlab.io.documents import read_json_object
 from skinlab.plugins import warn
 from skinlab.recording.records import Kind, Record
 from skinlab.recording.stream import Item, Planned, setup_from_json
+from skinlab.versions import missing_plugins
 
 
 def _ignore(_: str) -> None:
@@ -41,7 +42,18 @@ def dialect_of(meta: Mapping[str, Any]) -> Dialect:
     try:
         return described_dialect(said)
     except ValueError as error:  # all that a dialect raises is one
-        raise InputError(f"the session's field dialect: {error}") from None
+        missing = missing_plugins(_versions_of_dialect(said) or meta.get("versions"))
+        raise InputError(
+            f"the session's field dialect: {error}{f'; {missing}' if missing else ''}"
+        ) from None
+
+
+def _versions_of_dialect(said: object) -> dict[str, str] | None:
+    """Return the package that a session's dialect came from, as `versions` says it."""
+    plugin = said.get("plugin") if isinstance(said, dict) else None
+    if not isinstance(plugin, list) or len(plugin) != 2:
+        return None
+    return {f"plugin {plugin[0]}": str(plugin[1])}
 
 
 def recorded_items(
