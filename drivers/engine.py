@@ -234,13 +234,9 @@ class Engine:
         self._forget_settled()
 
     def _send_due(self) -> None:
-        with self._lock:
-            reasons = list(self._vent_reasons)
-            self._vent_reasons.clear()
         now = self._clock()
-        for reason in reasons:
-            self._vent(reason, now)
-        if self._watchdog.ordered and not reasons and now >= self._vent_at:
+        sent = self._send_vents(now)
+        if self._watchdog.ordered and not sent and now >= self._vent_at:
             self._write_vent(now)
         if self._connection.keeps_alive and now >= self._keep_alive_at:
             self._write(self._connection.send(KeepAlive()))
@@ -325,6 +321,7 @@ class Engine:
         except RemoteProtocolError as error:
             self._blame(error, now)
         while True:
+            self._vent_meanwhile()
             try:
                 event = self._connection.next_event()
             except RemoteProtocolError as error:
@@ -333,6 +330,22 @@ class Engine:
             if event is None:
                 return
             self._deliver(event, now)
+
+    def _vent_meanwhile(self) -> None:
+        """Send a vent that was ordered while a dialect is slow with what came before.
+
+        Not of a stream, whose record says between which bytes it was ordered.
+        """
+        if self._vent_reasons and isinstance(self._connection, Connection):
+            self._send_vents(self._clock())
+
+    def _send_vents(self, now: float) -> bool:
+        with self._lock:
+            reasons = list(self._vent_reasons)
+            self._vent_reasons.clear()
+        for reason in reasons:
+            self._vent(reason, now)
+        return bool(reasons)
 
     def _deliver(self, event: Event, now: float) -> None:
         self._post(event, now)

@@ -129,6 +129,9 @@ def check_dialect(one: Any) -> None:
     missing = [n for n in dir(Dialect) if not n.startswith("_") and not hasattr(one, n)]
     if missing:
         raise TypeError(f"it has no {', '.join(missing)}")
+    calls = ("take", "decode_event", "encode_command", "decode_command", "encode_event")
+    if silent := [name for name in calls if not callable(getattr(one, name))]:
+        raise TypeError(f"its {', '.join(silent)} cannot be called; expected functions")
     if type(one.protocol_version) is not int:
         raise TypeError(f"its protocol_version is {one.protocol_version!r}; expected an int")
     if not isinstance(one.capabilities, Capabilities):

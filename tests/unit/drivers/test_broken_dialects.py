@@ -26,6 +26,7 @@ from drivers.events import (
     Start,
     State,
     Vent,
+    VentConfirmed,
 )
 from drivers.guarded import guarded
 from drivers.stream import StreamConnection, connect, follow_mark
@@ -262,3 +263,33 @@ def test_lines_that_are_no_numbers_count_where_nothing_else_does():
     connection.receive_data(b"0 0\n9 0\nnan 0\n9 0\n")
     events = list(iter(connection.next_event, None))
     assert [e.device_time_s for e in events if isinstance(e, Sample)] == [0.0, 0.1, 0.3]
+
+
+def test_a_vent_does_not_wait_for_what_a_slow_dialect_makes_of_a_backlog(make_bench):
+    """Four samples that came at once: the order is sent before the second one is read."""
+    sent = []
+
+    def order(event):
+        if isinstance(event, Sample):
+            if not sent:
+                bench.probe.vent("operator")
+            sent.append(any(REFERENCE.decode_command(w)[0] == Vent() for w in bench.link.written))
+
+    dialect = Faulty(decode_event=order)
+    dialect.after = 12  # within a burst
+    bench = make_bench(dialect=dialect)
+    at_once, held, read = 20, [], bench.link.read
+
+    def bursts(max_bytes, timeout_s):
+        held.append(read(max_bytes, timeout_s))
+        if bench.link.device.sequence < 10 or len(held) >= at_once:
+            data = b"".join(held)
+            held.clear()
+            return data
+        return b""
+
+    bench.link.read = bursts
+    run(bench)
+    bench.until(lambda event: isinstance(event, HostVented) and event.reason == "operator")
+    bench.until(lambda event: isinstance(event, VentConfirmed))
+    assert sent[:2] == [False, True]
