@@ -268,6 +268,18 @@ def needs(one: object, *attributes: str) -> None:
         raise TypeError("its name is empty; expected a text")
 
 
+def texts(one: object, *attributes: str) -> None:
+    """Check that attributes of an extension, which reports and help print, are texts.
+
+    Raises:
+        TypeError: one is not.
+    """
+    for name in attributes:
+        value: object = getattr(one, name)
+        if not isinstance(value, str):
+            raise TypeError(f"its {name} is {value!r}; expected a text")
+
+
 # ---- what is installed ------------------------------------------------------------------------
 
 

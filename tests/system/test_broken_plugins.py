@@ -273,3 +273,104 @@ def test_a_session_says_which_dialect_it_lacks(tmp_path):
         assert "the session's field dialect: dialect 'ours' is not known" in done.stderr
         assert done.stderr.endswith(f"; {MISSING}\n")
     assert (info.returncode, identified.returncode) == (0, 0)
+
+
+# ---- what is wrong with one before it is used ----------------------------------------------------
+
+ODD = f"""
+import sys
+import numpy as np
+from dataclasses import replace
+sys.path.insert(0, {str(REPOSITORY / "examples" / "plugin")!r})
+from skinlab.inference.error_models.base import Hyperparameter, Part, Terms
+from skinlab.inference.methods.base import Method, Option
+from skinlab.mechanics.effects.base import Effect, Parameter
+from skinlab.quality.gates.base import Finding, Gate
+from skinlab_example.fung import Fung
+from skinlab_example.mains_hum import MainsHum
+def law(name, **own):
+    return type(name, (Fung,), {{"name": name, **own}})()
+def first(**own):
+    return tuple([replace(Fung.parameters[0], **own), *Fung.parameters[1:]])
+DASH = law("dash", parameters=first(name="bad name!"))
+BOUNDS = law("bounds", parameters=first(low=100.0, high=1.0))
+NOT_A_NUMBER = law("not_a_number", parameters=first(low="a"))
+FORMULA = law("formula", formula=None)
+OURS = law("ours", parameters=first(name="aperture_mm"))
+SIZE = Parameter("size_um", "µm", "m", 0.0, 9.0, 0.0, 1.0, "s")
+def effect(name, **own):
+    said = {{"meaning": "m", "formula": "f", "source": "s", "physical": False}}
+    return type(name, (Effect,), {{"name": name, "parameters": (SIZE,), **said, **own}})()
+PHYSICAL = effect("physical", physical="yes")
+TYPICAL = effect("typical", parameters=(replace(SIZE, typical=99.0),))
+TWICE = effect("twice", parameters=(SIZE, SIZE))
+def method(name, search=lambda problem, options, rng: None, **own):
+    return Method(name, search, **{{"meaning": "m", **own}})
+SEARCH = method("search", None)
+SETTLE = method("settle", settle=lambda options: None)
+REMARKS = method("remarks", remarks=lambda options: 1 / 0)
+def errors(name, part):
+    return type(name, (MainsHum,), {{"name": name, "part": part}})()
+def of(name, terms, **own):
+    return errors(name, lambda self, look: Part(
+        name, (Hyperparameter("a_um", 1.0, 1.0),), lambda values: terms(len(look.samples)), **own))
+LEAVES = errors("leaves", lambda self, look: sys.exit(3))
+BELOW = of("below", lambda n: Terms(variance_mm2=np.full(n, -1.0)))
+BEYOND = of("beyond", lambda n: Terms(variance_mm2=np.full(n, 1e300)))
+LOST = of("lost", lambda n: None)
+WHY = of("why", lambda n: Terms(), why=7)
+GONE = Gate("gone", lambda view: sys.exit(3), meaning="m", threshold="t")
+SILENT = Gate("silent", lambda view: Finding("silent", None, "a"), meaning="m", threshold="t")
+NO_CHECK = Gate("no_check", None, meaning="m", threshold="t")
+"""
+LEFT_OUT = {
+    ("laws", "dash"): "TypeError: its parameter 'bad name!': expected a name of letters, digits",
+    ("laws", "bounds"): "ValueError: its parameter C1_MPa: low is 100 in 100 to 1; expected low b",
+    ("laws", "not_a_number"): "TypeError: its parameter C1_MPa: low is 'a'; expected a number",
+    ("laws", "formula"): "TypeError: its formula is None; expected a text",
+    ("effects", "physical"): "TypeError: its physical is 'yes'; expected True or False",
+    ("effects", "typical"): "ValueError: its parameter size_um: typical is 99 in 0 to 9; expecte",
+    ("effects", "twice"): "ValueError: two of its parameters have one name: size_um, size_um",
+    ("methods", "search"): "TypeError: its search is a NoneType; expected a function",
+    ("methods", "settle"): "TypeError: its settle returns no Options",
+    ("methods", "remarks"): "ZeroDivisionError: division by zero (odd.py line ",
+    ("gates", "no_check"): "TypeError: its check is a NoneType; expected a function",
+}
+LATER = {
+    "error model 'below': broke down, and is left out: TypeError: variance_mm2 is below 0",
+    "error model 'beyond': broke down, and is left out: TypeError: variance_mm2 is beyond 1e+09",
+    "error model 'leaves': broke down, and is left out: SystemExit: 3",
+    "error model 'lost': broke down, and is left out: TypeError: terms returned a NoneType; exp"
+    "ected Terms",
+    "error model 'why': broke down, and is left out: TypeError: its why is 7; expected a text",
+    "gate 'gone': broke down, and judges nothing: SystemExit: 3",
+    "gate 'silent': broke down, and judges nothing: TypeError: its sentence is None; expected a t"
+    "ext",
+}
+
+
+def test_what_cannot_work_is_left_out_and_takes_no_command_with_it(tmp_path):
+    later = {
+        "laws": ["ours"],
+        "error_models": ["below", "beyond", "leaves", "lost", "why"],
+        "gates": ["gone", "silent"],
+    }
+    points: dict[str, dict[str, str]] = {}
+    for group, name in [*LEFT_OUT, *((g, n) for g, names in later.items() for n in names)]:
+        points.setdefault(f"skinlab.{group}", {})[name] = f"odd:{name.upper()}"
+    place = Place(package(tmp_path / "site", "odd", points, odd=ODD))
+    listed, simulated, measured = place.each(
+        ["plugins", "--json"],
+        [*FORWARD, *PROGRAM, "--csv", "c.csv"],
+        [*MEASURE, "--out", "s.h5"],
+        cwd=tmp_path,
+    )
+    refused = {p["name"]: p["error"] for p in json.loads(listed.stdout)["plugins"] if p["error"]}
+    assert set(refused) == {name for _, name in LEFT_OUT}
+    for (_, name), why in LEFT_OUT.items():
+        assert f"{name!r}: left out, because it is broken: {why}" in refused[name]
+    assert simulated.returncode == 0
+    assert simulated.stderr == "skinlab: law ours: its option --aperture-mm is the command's\n"
+    assert measured.returncode == 0
+    assert {f"skinlab: plugin odd, {why}" for why in LATER} == set(measured.stderr.splitlines())
+    assert json.loads(measured.stdout)["curves"][0]["parameters"]

@@ -32,8 +32,8 @@ from skinlab.mechanics.materials.energy import (
     Potential,
     potential_of_j1,
 )
-from skinlab.parameters import Parameter, Search, Space
-from skinlab.plugins import needs
+from skinlab.parameters import Parameter, Search, Space, check_declared
+from skinlab.plugins import needs, texts
 
 __all__ = [
     "DILATATION_SCALE", "KAPPA", "NU_CONSISTENT", "Array", "Energy", "First", "HasPotential", "Law",
@@ -217,12 +217,16 @@ def check_law(one: object) -> None:
             "skinlab.mechanics.materials.base.Law"
         )
     needs(one, "formula", "source")
+    texts(one, "formula", "meaning", "source", "dilatation_scale")
     declared = getattr(one, "parameters", ())
     if not declared or not all(isinstance(p, Parameter) for p in declared):
         raise TypeError(
             "its parameters are not skinlab.parameters.Parameter; expected at least one, of which "
             "the first is the stiffness that the energy is proportional to"
         )
+    check_declared(declared)
+    if len(one.derived_names) != 2:
+        raise ValueError(f"its derived_names are {one.derived_names!r}; expected two: ν and κ")
     _check_parameters(one)
 
 
@@ -237,8 +241,6 @@ def _check_parameters(law: Law) -> None:
             f"law {law.name!r}: poisson is {law.poisson!r}; expected one of: "
             f"{', '.join(law.names)}, or None"
         )
-    if len(set(law.names)) != len(law.names):
-        raise ValueError(f"law {law.name!r}: two of its parameters have one name")
     unit = law.parameter(law.scale).unit
     if unit != "MPa":
         raise ValueError(
