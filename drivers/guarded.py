@@ -36,7 +36,7 @@ from drivers.events import (
 )
 
 # Readings may be numpy's numbers; all else is written into a session as it is
-_OF_A_READING: dict[type, tuple[type, ...]] = {float: (Real,), int: (Integral,)}
+_OF_A_READING: dict[type, tuple[type, ...]] = {float: (float, Real), int: (int, Integral)}
 _OF_ALL_ELSE: dict[type, tuple[type, ...]] = {float: (float, int)}
 
 
@@ -178,7 +178,7 @@ def _strange(one: Any) -> str:
     for name, allowed in _FIELDS[type(one)]:
         value = getattr(one, name)
         if not isinstance(value, allowed):
-            wanted = " or ".join(_CALLED.get(kind, kind.__name__) for kind in allowed)
+            wanted = " or ".join(dict.fromkeys(_CALLED.get(k, k.__name__) for k in allowed))
             raise TypeError(f"{type(one).__name__}.{name} is {_a(value)}; expected {wanted}")
         if isinstance(value, float) and not math.isfinite(value):
             return f"{name} is {value}"
@@ -193,7 +193,7 @@ def _strange(one: Any) -> str:
 
 _CALLED: dict[type, str] = {
     Real: "a number",
-    float: "a float",
+    float: "a number",
     Integral: "an int",
     int: "an int",
     NoneType: "None",
