@@ -18,6 +18,7 @@ from typing import Any, Self
 from drivers.dialect import Dialect
 from drivers.errors import RemoteProtocolError
 from drivers.events import Command, Damaged, InstrumentEvent
+from drivers.guarded import GuardedDialect, guarded
 from drivers.reading import read_whole
 
 SCHEMA = "skinlab.capture/1"
@@ -119,17 +120,19 @@ def decode_capture(
 
     Bytes that it does not understand come as Damaged. Both sides are framed by the dialect's
     `take`; the instrument's frames are events, the software's are commands.
+    Raises BrokenDialectError.
     """
+    speaks = guarded(dialect)
     buffers = {side: bytearray() for side in Side}
     for chunk in chunks:
         buffer = buffers[chunk.side]
         buffer += chunk.data
-        while (taken := dialect.take(buffer)) is not None:
-            yield chunk.time_s, chunk.side, _meaning(taken, chunk.side, dialect)
+        while (taken := speaks.take(buffer)) is not None:
+            yield chunk.time_s, chunk.side, _meaning(taken, chunk.side, speaks)
 
 
 def _meaning(
-    taken: bytes | Damaged, side: Side, dialect: Dialect
+    taken: bytes | Damaged, side: Side, dialect: GuardedDialect
 ) -> InstrumentEvent | Command | Damaged:
     if isinstance(taken, Damaged):
         return taken

@@ -13,6 +13,7 @@ from dataclasses import dataclass, field
 
 from drivers.connection import Connection
 from drivers.errors import (
+    BrokenDialectError,
     DriverError,
     InstrumentRefusedError,
     LinkError,
@@ -199,7 +200,8 @@ class Engine:
                     return
                 except Exception as error:  # noqa: BLE001 -- whatever it is: vent and say so
                     failures += 1
-                    reason = f"driver failed: {error!r}"
+                    told = isinstance(error, BrokenDialectError)
+                    reason = str(error) if told else f"driver failed: {error!r}"
                     if not self._vent_after(error, reason) or failures > _MAX_FAILURES:
                         self._lost(reason)
                         return
@@ -232,13 +234,9 @@ class Engine:
         self._forget_settled()
 
     def _send_due(self) -> None:
-        with self._lock:
-            reasons = list(self._vent_reasons)
-            self._vent_reasons.clear()
         now = self._clock()
-        for reason in reasons:
-            self._vent(reason, now)
-        if self._watchdog.ordered and not reasons and now >= self._vent_at:
+        sent = self._send_vents(now)
+        if self._watchdog.ordered and not sent and now >= self._vent_at:
             self._write_vent(now)
         if self._connection.keeps_alive and now >= self._keep_alive_at:
             self._write(self._connection.send(KeepAlive()))
@@ -252,8 +250,11 @@ class Engine:
         with self._lock:
             queued = list(self._queue)
             self._queue.clear()
-        for request in queued:
-            self._begin(request, now)
+        try:
+            while queued:
+                self._begin(queued.pop(0), now)
+        finally:
+            self._pending += queued  # one that failed leaves the others waiting, and not forgotten
 
     def _begin(self, request: Request, now: float) -> None:
         request._deadline = now + request.timeout_s
@@ -269,6 +270,9 @@ class Engine:
             except LocalProtocolError as error:
                 request.fail(error)
                 return
+            except BrokenDialectError as error:  # nothing was sent; who waits is told, and it vents
+                request.fail(error)
+                raise
             self._pending.append(request)
             self._write(request._frame)
         else:
@@ -317,6 +321,7 @@ class Engine:
         except RemoteProtocolError as error:
             self._blame(error, now)
         while True:
+            self._vent_meanwhile()
             try:
                 event = self._connection.next_event()
             except RemoteProtocolError as error:
@@ -325,6 +330,22 @@ class Engine:
             if event is None:
                 return
             self._deliver(event, now)
+
+    def _vent_meanwhile(self) -> None:
+        """Send a vent that was ordered while a dialect is slow with what came before.
+
+        Not of a stream, whose record says between which bytes it was ordered.
+        """
+        if self._vent_reasons and isinstance(self._connection, Connection):
+            self._send_vents(self._clock())
+
+    def _send_vents(self, now: float) -> bool:
+        with self._lock:
+            reasons = list(self._vent_reasons)
+            self._vent_reasons.clear()
+        for reason in reasons:
+            self._vent(reason, now)
+        return bool(reasons)
 
     def _deliver(self, event: Event, now: float) -> None:
         self._post(event, now)
@@ -412,13 +433,14 @@ class Engine:
         try:
             if isinstance(self._connection, StreamConnection):
                 behind = self._end_stream(self._connection, reason, now)
-        finally:
-            self._post(LinkLost(reason), now)
-            for event in self._watchdog.link_lost():
-                if isinstance(event, Alarm):
-                    self._post(event, now)
-            for other in behind:
-                self._deliver(other, now)
+        except Exception as error:  # noqa: BLE001 -- the loss is told, whatever else goes wrong
+            reason = f"{reason}; driver failed: {error!r}"
+        self._post(LinkLost(reason), now)
+        for event in self._watchdog.link_lost():
+            if isinstance(event, Alarm):
+                self._post(event, now)
+        for other in behind:
+            self._deliver(other, now)
 
     def _end_stream(self, connection: StreamConnection, reason: str, now: float) -> list[Event]:
         """Mark the loss, and deliver what comes before it: readings that were held back.
@@ -429,6 +451,7 @@ class Engine:
         self._tap("mark", now, lost_mark(reason))
         connection.mark(lost_mark(reason))
         behind: list[Event] = []
+        # The mark drops the bytes, so that a dialect that broke down at them is asked for none
         while (event := connection.next_event()) is not None:
             if behind or event == State(InstrumentState.IDLE, reason):
                 behind.append(event)

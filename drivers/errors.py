@@ -29,6 +29,10 @@ class RemoteProtocolError(ProtocolError):
     """The instrument said what the protocol does not allow."""
 
 
+class BrokenDialectError(ProtocolError):
+    """The code of a dialect broke down: names it, the package that it is from, and its error."""
+
+
 class InstrumentRefusedError(DriverError):
     """The instrument understood and said no; the message carries its reason."""
 

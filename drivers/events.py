@@ -11,6 +11,7 @@ from enum import StrEnum
 
 PROGRAM_END = "program end"  # reason of the State with which a run that was not cut short ends
 PROGRAM_DONE = "done"  # and of the one after it, once the pressure has fallen
+NO_NUMBERS = "the readings are no numbers"  # reason of Damaged, and of the vent that follows
 
 
 class SegmentKind(StrEnum):

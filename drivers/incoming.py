@@ -8,6 +8,7 @@ from collections import deque
 from drivers.dialect import Dialect
 from drivers.errors import RemoteProtocolError
 from drivers.events import Damaged, Event, InstrumentEvent
+from drivers.guarded import guarded
 
 MAX_BACKLOG_BYTES = 1 << 20  # of bytes that nobody turned into events yet
 
@@ -16,7 +17,7 @@ class Incoming(ABC):
     """`receive_data` takes bytes as they come, `next_event` gives what they mean."""
 
     def __init__(self, dialect: Dialect) -> None:
-        self._dialect = dialect
+        self._dialect = guarded(dialect)
         self._buffer = bytearray()
         self._ready: deque[Event] = deque()
 
@@ -41,6 +42,7 @@ class Incoming(ABC):
 
         Raises RemoteProtocolError where the instrument does what the protocol does not allow; the
         event that showed it is delivered by the next call, and reading goes on.
+        Raises BrokenDialectError where the dialect's own code fails.
         """
         while True:
             if self._ready:

@@ -9,16 +9,22 @@ from __future__ import annotations
 from drivers.capabilities import CANNOT_VENT
 from drivers.dose import Dose, DoseMeter
 from drivers.events import (
+    NO_NUMBERS,
     Alarm,
     Command,
+    Damaged,
     Event,
     HostVented,
     InstrumentFault,
+    InstrumentState,
     Sample,
+    State,
     VentConfirmed,
 )
 from drivers.limits import DEFAULT_LIMITS, Limits
 from drivers.watchdog import SafetyEvent
+
+_AWAITED = frozenset({InstrumentState.ARMED, InstrumentState.RUNNING})
 
 
 class Onlooker:
@@ -39,6 +45,10 @@ class Onlooker:
         self._pulls = False  # at the last reading
         self._read_at = 0.0  # host time of it
         self._step_s = 0.0
+        self._awaited = False  # a curve is waited for, or under way
+        self._unread = 0  # readings that are no numbers, one after the other
+        self._unread_since = 0.0  # host time of the first one
+        self._why_unread = ""
         self._suction_s = 0.0  # without a pause
         self._vent_since: float | None = None
         self._unseen = False  # the link was lost under suction, and nobody saw it fall since
@@ -95,16 +105,33 @@ class Onlooker:
     def reconnected(self, now: float) -> None:
         """Begin again with an instrument that was out of reach; a latched alarm stays."""
         self._pulls, self._read_at, self._vent_since = False, now, None
+        self._awaited, self._unread = False, 0
         self._said.clear()
 
     def on_event(self, event: Event, now: float) -> list[SafetyEvent]:
         """Judge what came at host time `now` (s)."""
         if isinstance(event, InstrumentFault):
             return self._raise("fault", f"instrument fault {event.code}: {event.text}")
+        if isinstance(event, State):
+            self._awaited, self._unread = event.state in _AWAITED, 0
+        elif (
+            isinstance(event, Damaged)
+            and event.reason.startswith(NO_NUMBERS)
+            and (self._awaited or self._pulls)  # before, an instrument may have nothing to say
+        ):
+            self._unread_since = self._unread_since if self._unread else now
+            self._unread += 1
+            self._why_unread = event.reason
         return self._on_sample(event, now) if isinstance(event, Sample) else []
 
     def check(self, now: float) -> list[SafetyEvent]:
         """Judge the silence; to be called often."""
+        if self._unread > self._limits.stale_intervals:  # they come, so that none is kept back
+            unread_s = now - self._unread_since
+            if unread_s > self._limits.stale_s:
+                return self._raise(
+                    "numbers", f"no sample for {1000 * unread_s:.0f} ms: {self._why_unread}"
+                )
         silent_s = max(self._silent_s, 3 * self._step_s)
         if not self._pulls or now - self._read_at <= silent_s:
             return []
@@ -115,6 +142,7 @@ class Onlooker:
     def _on_sample(self, sample: Sample, now: float) -> list[SafetyEvent]:
         limits, pressure = self._limits, sample.pressure_mbar
         self._dose.add(sample)
+        self._unread = 0
         passed_s, self._read_at = now - self._read_at, now
         pulls = pressure >= limits.vent_pressure_mbar
         if pulls and self._pulls:

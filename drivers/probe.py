@@ -41,6 +41,7 @@ from drivers.events import (
     TimedEvent,
     VentConfirmed,
 )
+from drivers.guarded import guarded
 from drivers.limits import DEFAULT_LIMITS, NO_ABILITIES, Limits, program_bounds
 from drivers.link import Link, open_link
 from drivers.onlooker import Onlooker
@@ -247,7 +248,8 @@ class Probe:
 
         segments: in order; rate_hz: samples a second. Returns what the instrument will do: what was
         asked for, to the resolution of the wire. Raises LocalProtocolError (a limit, or the state),
-        InstrumentRefusedError, LinkError, RemoteProtocolError (the read-back differs; vented).
+        InstrumentRefusedError, LinkError, RemoteProtocolError (the read-back differs; vented),
+        BrokenDialectError.
         """
         with self._calls:
             self._check_controls("load")
@@ -256,7 +258,8 @@ class Probe:
             load = Load(tuple(segments), rate_hz, bounds.max_pressure_mbar, bounds.max_suction_s)
             # As the wire carries it, which refuses here what it cannot carry: that is what is
             # read back, and what the watchdog follows
-            asked, _ = self._dialect.decode_command(self._dialect.encode_command(load, 0))
+            speaks = guarded(self._dialect)
+            asked, _ = speaks.decode_command(speaks.encode_command(load, 0))
             answer = self._call(
                 asked,
                 lambda event: isinstance(event, Loaded),

@@ -11,11 +11,13 @@ import math
 from drivers.dose import Dose, DoseMeter, program_dose
 from drivers.envelope import Envelope, targets
 from drivers.events import (
+    NO_NUMBERS,
     PROGRAM_DONE,
     PROGRAM_END,
     Alarm,
     Arm,
     Command,
+    Damaged,
     Event,
     Hello,
     HostVented,
@@ -86,6 +88,7 @@ class Watchdog:
             self._confirmed = None
         self._begun = self._asked.get(Start, now - self._limits.clock_s)  # not before
         self._last_sample = now
+        self._unread = ""  # why what came since then is no sample
         self._sampled_s = 0.0  # when the last sample was taken, by the instrument's clock
         self._sequence = -1  # of the last sample
         self._offset_s = now  # least that the host's clock was ahead of it
@@ -220,6 +223,8 @@ class Watchdog:
                 return self._on_state(event, now)
             case Sample():
                 return self._on_sample(event, now)
+            case Damaged() if event.reason.startswith(NO_NUMBERS):
+                self._unread = f": {event.reason}"
             case _:
                 pass
         return []
@@ -243,12 +248,16 @@ class Watchdog:
             endless = self._ended and self._state is InstrumentState.VENTING
             return self._over(now) if endless else []
         if now - self._last_sample > self._stale_s:
-            return self._order(f"stale link: no sample for {1000 * self._stale_s:.0f} ms")
+            return self._order(
+                f"stale link: no sample for {1000 * self._stale_s:.0f} ms{self._unread}"
+            )
         sampled_s = self._sampled_s / self._pace
         drift_s = self._limits.clock_fraction * sampled_s  # samples of a slow clock only seem old
         age_s = now - (sampled_s + self._offset_s)
         if age_s > self._stale_s + drift_s:
-            return self._order(f"stale data: the last sample is {1000 * age_s:.0f} ms old")
+            return self._order(
+                f"stale data: the last sample is {1000 * age_s:.0f} ms old{self._unread}"
+            )
         # Judged here: of a burst, only the last sample says how late the link is by now
         late_s = self._last_sample - (sampled_s + self._offset_s)
         if late_s > self._limits.clock_s + drift_s:
@@ -386,7 +395,7 @@ class Watchdog:
     def _on_sample(self, sample: Sample, now: float) -> list[SafetyEvent]:
         self._dose.add(sample)
         passed_s = (now - self._last_sample) * self._pace
-        self._last_sample = now
+        self._last_sample, self._unread = now, ""
         in_order = sample.sequence == self._sequence + 1
         self._step_s = sample.device_time_s - self._sampled_s if in_order else 0.0
         self._sampled_s, self._sequence = sample.device_time_s, sample.sequence

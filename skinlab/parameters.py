@@ -6,6 +6,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from numbers import Real
 from typing import Literal, Protocol
 
 import numpy as np
@@ -106,6 +107,53 @@ class Parameter:
             unit = f" {self.unit}" if self.unit else ""
             name = f"{where}.{self.name}" if where else self.name
             raise InputError(f"{name} is {value:g}: expected {self.low:g} to {self.high:g}{unit}")
+
+
+def check_declared(parameters: object) -> None:
+    """Check the parameters that an extension declares.
+
+    Raises:
+        TypeError, ValueError: they cannot work; names the parameter and what was expected.
+    """
+    if not isinstance(parameters, tuple | list) or not all(
+        isinstance(p, Parameter) for p in parameters
+    ):
+        raise TypeError("its parameters are not skinlab.parameters.Parameter")
+    for p in parameters:
+        if not isinstance(p.name, str) or not p.name.isidentifier():
+            raise TypeError(f"its parameter {p.name!r}: expected a name of letters, digits and _")
+        for field in ("unit", "meaning", "source", "symbol"):
+            if not isinstance(getattr(p, field), str):
+                raise TypeError(f"its parameter {p.name}: {field} is no text")
+        if p.spacing not in ("linear", "log"):
+            raise ValueError(f"its parameter {p.name}: spacing {p.spacing!r}; expected linear, log")
+        ends = [("low", p.low), ("high", p.high), ("typical", p.typical)]
+        ends += [(f, v) for f, v in (("zero", p.zero), ("default", p.default)) if v is not None]
+        for field, value in ends:
+            if not isinstance(value, Real):
+                raise TypeError(f"its parameter {p.name}: {field} is {value!r}; expected a number")
+            if not p.low <= value <= p.high or p.low == p.high:
+                raise ValueError(
+                    f"its parameter {p.name}: {field} is {value:g} in {p.low:g} to {p.high:g}; "
+                    "expected low below high, and all else between them"
+                )
+        _check_search(p)
+    names = [p.name for p in parameters]
+    if len(set(names)) != len(names):
+        raise ValueError(f"two of its parameters have one name: {', '.join(names)}")
+
+
+def _check_search(p: Parameter) -> None:
+    for what, one in (("search", p.search), ("axis", p.axis)):
+        if one is None:
+            continue
+        if not isinstance(one, Search if what == "search" else Nodes):
+            raise TypeError(f"its parameter {p.name}: {what} is a {type(one).__name__}")
+        if not -math.inf < one.low < one.high < math.inf:
+            raise ValueError(
+                f"its parameter {p.name}: {what} is {one.low:g} to {one.high:g}; expected low "
+                "below high"
+            )
 
 
 def stem(name: str, unit: str) -> str:

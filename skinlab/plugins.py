@@ -62,7 +62,8 @@ class Registry(Generic[T]):
 
     `package` is the folder of the built-in ones, `attribute` what their modules call them, `group`
     that of the entry points. `check` raises an error, whose message says what is wrong, for an
-    object that is none of this kind. `called` is how messages name one.
+    object that is none of this kind. `called` is how messages name one. `adopt` is told how a
+    sentence names an installed one, for kinds that are called from where no registry is known.
     """
 
     def __init__(
@@ -74,10 +75,11 @@ class Registry(Generic[T]):
         check: Callable[[Any], None],
         *,
         called: Callable[[str], str] | None = None,
+        adopt: Callable[[Any, str], None] | None = None,
     ) -> None:
         self.kind, self.group = kind, group
         self.package, self.attribute = package, attribute
-        self._check = check
+        self._check, self._adopt = check, adopt
         self._called = called or (lambda name: f"{kind} {name!r}")
         self._lock = threading.RLock()
         self._found: dict[str, T] = {}
@@ -132,11 +134,11 @@ class Registry(Generic[T]):
             yield
         except SkinlabError:
             raise  # a sentence already
-        except Exception as error:
+        except (Exception, SystemExit) as error:
             who = self.who(name)
             if who is None:
                 raise
-            raise BrokenPluginError(f"{who}: broke down: {_reason(error)}") from error
+            raise broken(who, error) from error
 
     def refused(self) -> dict[str, str]:
         """Return why, by name, installed extensions are not there."""
@@ -192,11 +194,36 @@ class Registry(Generic[T]):
             self._check(one)
             if one.name != entry.name:
                 raise TypeError(f"it calls itself {one.name!r}; expected its entry point's name")
+            if self._adopt is not None:
+                self._adopt(one, who)
         except (Exception, SystemExit) as error:  # noqa: BLE001 -- anything may be in it
             return f"{who}: left out, because it is broken: {_reason(error)}"
         self._found[entry.name] = one
         self._origins[entry.name] = origin
         return None
+
+
+def broken(who: str, error: BaseException) -> BrokenPluginError:
+    """Return the sentence that says that an installed one broke down, and why."""
+    return BrokenPluginError(f"{who}: broke down: {_reason(error)}")
+
+
+@contextlib.contextmanager
+def blaming() -> Iterator[None]:
+    """Name the plugin whose code raises while this lasts, wherever it was called from.
+
+    Raises:
+        BrokenPluginError: one did; an error of what is built in comes through as it is.
+    """
+    try:
+        yield
+    except SkinlabError:
+        raise
+    except (Exception, SystemExit) as error:
+        why = blamed(error)
+        if why is None:
+            raise
+        raise BrokenPluginError(why) from error
 
 
 def _built_in(package: str, attribute: str) -> Iterator[Any]:
@@ -239,6 +266,18 @@ def needs(one: object, *attributes: str) -> None:
     name = one.name  # type: ignore[attr-defined]
     if not isinstance(name, str) or not name.strip():
         raise TypeError("its name is empty; expected a text")
+
+
+def texts(one: object, *attributes: str) -> None:
+    """Check that attributes of an extension, which reports and help print, are texts.
+
+    Raises:
+        TypeError: one is not.
+    """
+    for name in attributes:
+        value: object = getattr(one, name)
+        if not isinstance(value, str):
+            raise TypeError(f"its {name} is {value!r}; expected a text")
 
 
 # ---- what is installed ------------------------------------------------------------------------

@@ -12,6 +12,8 @@ from skinlab.plugins import installed
 
 __version__ = "0.2.0"
 
+_PLUGIN = "plugin "  # begins the names of what is said of distributions with plugins
+
 # Computes nothing: a change here changes no result.
 _SCREENS = frozenset({"tui", "cli", "report", "extensions"})
 
@@ -30,7 +32,23 @@ def versions() -> dict[str, str]:
 
 def software() -> dict[str, str]:
     """Return the state of the source files: `code`, and the plugins."""
-    return {"code": code_hash()} | {f"plugin {name}": v for name, v in installed().items()}
+    return {"code": code_hash()} | {f"{_PLUGIN}{name}": v for name, v in installed().items()}
+
+
+def missing_plugins(stated: object) -> str:
+    """Return in words which plugins of a record's `versions` are not installed; empty: none."""
+    if not isinstance(stated, dict):
+        return ""
+    here = installed()
+    names = [name.removeprefix(_PLUGIN) for name in stated if str(name).startswith(_PLUGIN)]
+    missing = [f"{n} {str(stated[_PLUGIN + n]).partition(' ')[0]}" for n in names if n not in here]
+    if not missing:
+        return ""
+    one = len(missing) == 1
+    return (
+        f"it was recorded with the plugin{'' if one else 's'} {', '.join(missing)}, which "
+        f"{'is' if one else 'are'} not installed here"
+    )
 
 
 @cache

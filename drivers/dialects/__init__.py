@@ -129,6 +129,11 @@ def check_dialect(one: Any) -> None:
     missing = [n for n in dir(Dialect) if not n.startswith("_") and not hasattr(one, n)]
     if missing:
         raise TypeError(f"it has no {', '.join(missing)}")
+    calls = ("take", "decode_event", "encode_command", "decode_command", "encode_event")
+    if silent := [name for name in calls if not callable(getattr(one, name))]:
+        raise TypeError(f"its {', '.join(silent)} cannot be called; expected functions")
+    if type(one.protocol_version) is not int:
+        raise TypeError(f"its protocol_version is {one.protocol_version!r}; expected an int")
     if not isinstance(one.capabilities, Capabilities):
         raise TypeError("its capabilities are not drivers.capabilities.Capabilities")
     if not isinstance(getattr(one, "stream", Stream()), Stream):
@@ -141,6 +146,14 @@ def dialect_origin(name: str) -> tuple[str, str] | None:
         return None
     found = _installed().get(name)
     return None if found is None else found[1]
+
+
+def dialect_name(dialect: Dialect) -> str:
+    """How a sentence names a dialect: with the package that it comes from, if it is installed."""
+    origin = dialect_origin(dialect.name)
+    if origin is None or get_dialect(dialect.name) is not dialect:
+        return f"dialect {dialect.name!r}"
+    return f"plugin {origin[0]}, dialect {dialect.name!r}"
 
 
 def _built_in() -> tuple[str, ...]:

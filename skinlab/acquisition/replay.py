@@ -30,7 +30,7 @@ from skinlab.recording.session import Session
 from skinlab.recording.stream import CurveCompleted, Message
 from skinlab.tables.store import read, shipped_grid, shipped_table
 from skinlab.tables.table import Table
-from skinlab.versions import versions
+from skinlab.versions import missing_plugins, versions
 
 # Settings that sessions did not record at first, where they were others than today's defaults.
 _BEFORE: dict[str, dict[str, int | float | str]] = {"rls": {"passes": 500}}
@@ -74,8 +74,19 @@ def identifier_of(
     another one, so that results may differ.
 
     Raises:
-        InputError: the session does not say how it was identified, or its database is not there.
+        InputError: the session does not say how it was identified, or its database or a plugin is
+            not there.
     """
+    try:
+        return _identifier_of(session, database_path)
+    except InputError as error:
+        missing = missing_plugins(session.meta.get("versions"))
+        if not missing:
+            raise
+        raise InputError(f"{error}; {missing}") from None
+
+
+def _identifier_of(session: Session, database_path: Path | None) -> tuple[Identifier, str | None]:
     settings = session.meta.get("identification")
     if settings is None and is_imported(session):
         return Identifier(shipped_table()), None  # nothing was identified, nothing can differ
@@ -83,7 +94,13 @@ def identifier_of(
         raise InputError("the session does not say how it was identified")
     try:
         said = msgspec.convert(settings, _Settings)
+    except ValueError as error:
+        raise _damaged(error) from None
+    try:
         method = get_method(said.method)
+    except InputError as error:
+        raise InputError(f"the session's field identification: {error}") from None
+    try:
         options = Options(
             samples=said.samples,
             best=said.best,
@@ -92,7 +109,7 @@ def identifier_of(
         check(options)
         method.check(options)
     except ValueError as error:  # InputError is one
-        raise InputError(f"the session's field identification is damaged ({error})") from None
+        raise _damaged(error) from None
     stated = said.database_hash
     database = _database(stated, said.database_path, database_path)
     identifier = Identifier(
@@ -120,6 +137,10 @@ def identifier_of(
             f"{database.content_hash}: results may differ"
         )
     return identifier, warning
+
+
+def _damaged(error: ValueError) -> InputError:
+    return InputError(f"the session's field identification is damaged ({error})")
 
 
 def _probe(text: str | None) -> ProbeErrors | None:

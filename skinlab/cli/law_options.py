@@ -23,19 +23,25 @@ class LawCommand(click.Command):
     def get_params(self, ctx: click.Context) -> list[click.Parameter]:
         """Return the command's own parameters and the laws'."""
         from skinlab.mechanics.materials import DEFAULT_LAW, get_law, law_names
+        from skinlab.plugins import warn
 
+        own = super().get_params(ctx)
+        taken = {flag for p in own for flag in (*p.opts, *p.secondary_opts)}
         laws = [get_law(name) for name in (DEFAULT_LAW, *law_names())]
         helps: dict[str, str] = {}
         for law in dict.fromkeys(laws):
             for one in law.parameters:
                 unit = f", {one.unit}" if one.unit else ""
                 text = f"{one.label} of {law.name}{unit}: {one.meaning}."
-                helps.setdefault(one.name, text)
+                if option_name(one.name) in taken:
+                    warn(f"law {law.name}: its option {option_name(one.name)} is the command's")
+                    continue
+                helps.setdefault(one.name.lower(), text)
         options = [
             click.Option([option_name(name), _field(name)], type=float, help=text)
             for name, text in helps.items()
         ]
-        return [*options, *super().get_params(ctx)]
+        return [*options, *own]
 
 
 def law_values(law_name: str, given: Mapping[str, Any]) -> tuple[float, ...]:

@@ -19,7 +19,7 @@ from skinlab.discrepancy.records import records_of
 from skinlab.discrepancy.search import Search
 from skinlab.discrepancy.settings import ERRORS
 from skinlab.discrepancy.table_domes import TableDomes
-from skinlab.errors import InputError, NotTrustworthyError
+from skinlab.errors import BrokenPluginError, InputError, NotTrustworthyError
 from skinlab.inference import flags
 from skinlab.inference.error_judgement import judge_errors
 from skinlab.inference.identify import Identifier
@@ -30,6 +30,7 @@ from skinlab.inference.samples import EVERYTHING, Fitted, choose
 from skinlab.mechanics.materials import get_law
 from skinlab.mechanics.model_file import Model
 from skinlab.parameters import Space
+from skinlab.plugins import blaming
 from skinlab.tables.forward import check_law_of
 
 Array = NDArray[np.float64]
@@ -91,8 +92,9 @@ class ModelIdentifier(Identifier):
             found = once._identify(curves, blank)
             return replace(found, flags=(*found.flags, "learned_from_these"))
         try:
-            answer = self._answered(curves, blank)
-        except (InputError, NotTrustworthyError) as error:
+            with blaming():
+                answer = self._answered(curves, blank)
+        except (InputError, NotTrustworthyError, BrokenPluginError) as error:
             outside = isinstance(error, NotTrustworthyError)
             flags = ("outside_database",) if outside else ()
             return replace(blank, error=str(error), flags=flags)

@@ -30,6 +30,7 @@ from skinlab.inference.intervals import (
 )
 from skinlab.inference.joint import GaussianPrior, JointMisfit
 from skinlab.inference.methods import METHODS, auto, get_method
+from skinlab.inference.methods.checked import checked_estimate
 from skinlab.inference.noise import jumps
 from skinlab.inference.optimise import polish
 from skinlab.inference.posterior import Draws
@@ -49,6 +50,7 @@ from skinlab.mechanics.materials import get_law
 from skinlab.mechanics.materials.compressibility import KappaConvention
 from skinlab.mechanics.model_file import BASE, Model, model_of_law
 from skinlab.parameters import Space
+from skinlab.plugins import blaming
 from skinlab.tables.base import CurveModel, Database
 
 Array = NDArray[np.float64]
@@ -204,7 +206,8 @@ class Identifier:
     ) -> Identification:
         started = self.clock()
         try:
-            answer = self._fitted(curves, blank, intervals=intervals, start=start)
+            with blaming():
+                answer = self._fitted(curves, blank, intervals=intervals, start=start)
         except BrokenPluginError as error:  # the next curve may do without it
             return replace(blank, error=str(error), seconds=self.clock() - started)
         if (
@@ -243,7 +246,9 @@ class Identifier:
             estimate = auto.identify(problem, self.options, rng, start=start)
         else:
             with METHODS.at_work(method.name):
-                estimate = _checked(method(problem, self.options, rng), problem)
+                estimate = method(problem, self.options, rng)
+                if METHODS.origin(method.name) is not None:
+                    estimate = checked_estimate(estimate, problem.space)
         kept = np.ones(problem.points, dtype=bool)
         judged = intervals and estimate.minima is not None and len(estimate.minima) > 0
         if judged:
@@ -429,20 +434,6 @@ class Identifier:
             *flags.of_curves(curves, [m.beyond for m in members]),
             *(f"thinned:{m.every}" for m in members if m.every > 1),
         ]
-
-
-def _checked(estimate: object, problem: Problem) -> Estimate:
-    """Return what a method answers.
-
-    Raises:
-        TypeError: it is no answer.
-    """
-    if not isinstance(estimate, Estimate):
-        raise TypeError(f"it returned a {type(estimate).__name__}; expected an Estimate")
-    shape, expected = np.shape(estimate.parameters), (len(problem.space.names),)
-    if shape != expected:
-        raise TypeError(f"its parameters have the shape {shape}; expected {expected}")
-    return estimate
 
 
 def _error_um(

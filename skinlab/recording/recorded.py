@@ -9,13 +9,15 @@ from drivers.capabilities import READ_ONLY
 from drivers.connection import Connection
 from drivers.dialect import Dialect
 from drivers.dialects import DEFAULT, describe_dialect, described_dialect, get_dialect
-from drivers.errors import RemoteProtocolError
+from drivers.errors import BrokenDialectError, RemoteProtocolError
 from drivers.events import Identify, TimedEvent
 from drivers.stream import StreamConnection, connect
 from skinlab.errors import InputError
 from skinlab.io.documents import read_json_object
+from skinlab.plugins import warn
 from skinlab.recording.records import Kind, Record
 from skinlab.recording.stream import Item, Planned, setup_from_json
+from skinlab.versions import missing_plugins
 
 
 def _ignore(_: str) -> None:
@@ -40,7 +42,18 @@ def dialect_of(meta: Mapping[str, Any]) -> Dialect:
     try:
         return described_dialect(said)
     except ValueError as error:  # all that a dialect raises is one
-        raise InputError(f"the session's field dialect: {error}") from None
+        missing = missing_plugins(_versions_of_dialect(said) or meta.get("versions"))
+        raise InputError(
+            f"the session's field dialect: {error}{f'; {missing}' if missing else ''}"
+        ) from None
+
+
+def _versions_of_dialect(said: object) -> dict[str, str] | None:
+    """Return the package that a session's dialect came from, as `versions` says it."""
+    plugin = said.get("plugin") if isinstance(said, dict) else None
+    if not isinstance(plugin, list) or len(plugin) != 2:
+        return None
+    return {f"plugin {plugin[0]}": str(plugin[1])}
 
 
 def recorded_items(
@@ -95,6 +108,9 @@ def _events(connection: Connection | StreamConnection, host_time_s: float) -> It
             event = connection.next_event()
         except RemoteProtocolError:
             continue
+        except BrokenDialectError as error:  # the live run went on with what came behind it
+            warn(str(error))
+            return
         if event is None:
             return
         yield TimedEvent(host_time_s, event)

@@ -244,11 +244,18 @@ class DimensionlessSpec:
         steps = StepSettings(extrapolation_error=3e-5, smallest_step_mbar=0.5, limit_mbar=20.0)
         geometry = Geometry(2.0, thickness)
         skin = values if ratio is None else law.with_ratio(values, ratio)
+        law.check_small_strains(skin)
         top_mbar = self.most_load / MBAR
         curve = solve(
             geometry, skin, top_mbar, law=self.law, discretisation=MESHES[self.mesh_name],
             settings=steps, below_mbar=-self.least_load / MBAR,
         )  # fmt: skip
+        if len(curve.pressure_mbar) < 2:
+            where = zip((name for name, _ in self.axis), (thickness, *others), strict=True)
+            raise InputError(
+                f"{law.plugin or f'law {self.law!r}'}: it does not hold for any suction where "
+                + ", ".join(f"{name} is {value:g}" for name, value in where)
+            )
         load = self.load(self.load_coordinates(), thickness)
         holds_to = curve.holds_to_mbar * MBAR
         row = _log_secant(

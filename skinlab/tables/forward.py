@@ -15,6 +15,7 @@ from skinlab.mechanics.effects.base import Effects
 from skinlab.mechanics.effects.model import Sensors, going_on, is_physical
 from skinlab.mechanics.fem.skin import Skin
 from skinlab.mechanics.fem.suction import Geometry
+from skinlab.mechanics.materials import LAWS
 from skinlab.tables.base import Database
 from skinlab.tables.evaluator import Evaluator
 from skinlab.tables.table import Table
@@ -52,12 +53,12 @@ def simulate(
         deflection = _from_shipped(skin, geometry, felt)
         if np.isfinite(deflection).all():
             deflection = sensors.read(time_s, pressure, deflection, 0.0)
-            return _as_far_as_it_holds(setup, time_s, pressure, deflection)
+            return _as_far_as_it_holds(skin.law, setup, time_s, pressure, deflection)
     found = going_on(skin, effects, geometry, path, time_s, cycle=setup.cycle)
     if found.held.all() or int(np.argmin(found.held)) < SAMPLES.fewest or not found.moved_mm:
         own = np.where(found.held, found.deflection_mm, np.nan)
-        return _as_far_as_it_holds(setup, time_s, pressure, own)
-    curve, ends = _as_far_as_it_holds(setup, time_s, pressure, found.deflection_mm)
+        return _as_far_as_it_holds(skin.law, setup, time_s, pressure, own)
+    curve, ends = _as_far_as_it_holds(skin.law, setup, time_s, pressure, found.deflection_mm)
     error_um = 1e3 * max(abs(found.moved_mm), LEAST_CREASE * float(curve.deflection_mm.max()))
     warning = (
         f"crease: the surface creases at the tape's edge at {found.holds_to_mbar:.4g} mbar; beyond "
@@ -104,7 +105,7 @@ def simulate_from(
             deflection[:samples], there, holds = found, tried, samples
         else:
             fails = samples
-    curve, ends = _as_far_as_it_holds(setup, time_s, pressure, deflection)
+    curve, ends = _as_far_as_it_holds(skin.law, setup, time_s, pressure, deflection)
     if there is None or not there.creases(parameters[None])[0]:
         return curve, ends
     error_mm = np.linalg.norm(there.error_shapes_mm(parameters), axis=1).max()
@@ -150,16 +151,17 @@ def _asked(setup: Setup, rate_hz: float) -> tuple[Array, Array]:
 
 
 def _as_far_as_it_holds(
-    setup: Setup, time_s: Array, pressure: Array, deflection: Array
+    law: str, setup: Setup, time_s: Array, pressure: Array, deflection: Array
 ) -> tuple[Curve, str | None]:
     """Return the curve up to where it has values, and a warning where that is not the end."""
     holds = np.isfinite(deflection)
     end = len(holds) if holds.all() else int(np.argmin(holds))
     warning = None
     if end < len(holds):
+        who = LAWS.who(law)
         warning = (
-            f"the model holds to {pressure[:end].max(initial=0.0):.4g} mbar only; "
-            f"the curve ends there"
+            f"the model{f' of {who}' if who else ''} holds to "
+            f"{pressure[:end].max(initial=0.0):.4g} mbar only; the curve ends there"
         )
         if end < SAMPLES.fewest:
             raise NotTrustworthyError(warning)

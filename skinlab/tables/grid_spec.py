@@ -116,6 +116,7 @@ class GridSpec:
         """
         law = get_law(self.law)
         parameters = law.coefficients(law.named(self.parameters(entry)), self.kappa)
+        law.check_small_strains(parameters)
         top = max(self.pressure_mbar)
         curve = held = solve(self.geometry, parameters, top, law=self.law)
         if held.stopped:

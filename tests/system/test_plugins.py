@@ -3,24 +3,16 @@
 from __future__ import annotations
 
 import json
-import os
 import shutil
-import subprocess
-import sys
-from collections.abc import Sequence
-from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 import pytest
+from plugin_place import FORWARD, REPOSITORY, SKIN, Place, package
 
 from skinlab.cli.main import run
 from skinlab.discrepancy.cache import key
 from skinlab.versions import versions
 
-REPOSITORY = Path(__file__).parents[2]
-SKIN = ["--aperture-mm", "6", "--thickness-mm", "1"]
-FORWARD = ["forward", "--x1-mpa", "0.03", "--x2-mpa", "1", "--nu", "0.32", *SKIN]
 NAME = "skinlab-example"
 KINDS = {
     "law": "fung",
@@ -32,65 +24,6 @@ KINDS = {
 }
 
 
-EACH = """
-import contextlib, io, json, sys
-from skinlab.cli.main import run
-done = []
-for command in json.loads(sys.argv[1]):
-    out, err = io.StringIO(), io.StringIO()
-    with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
-        status = run(command)
-    done.append((status, out.getvalue(), err.getvalue()))
-print(json.dumps(done))
-"""
-
-
-class Done(NamedTuple):
-    returncode: int
-    stdout: str
-    stderr: str
-
-
-class Place:
-    """An environment of its own: this Python and its packages, and what is in a folder."""
-
-    def __init__(self, *folders: Path) -> None:
-        self.environment = {
-            **os.environ,
-            "PYTHONPATH": os.pathsep.join(map(str, folders)),
-            "OPENBLAS_NUM_THREADS": "1",
-        }
-
-    def run(self, *command: object, cwd: Path | None = None) -> subprocess.CompletedProcess[str]:
-        return subprocess.run(
-            [sys.executable, *map(str, command)],
-            env=self.environment,
-            cwd=cwd,
-            stdin=subprocess.DEVNULL,
-            capture_output=True,
-            text=True,
-            check=False,
-        )
-
-    def each(self, *commands: Sequence[object], cwd: Path | None = None) -> list[Done]:
-        """Run commands of skinlab one after the other in one process."""
-        given = json.dumps([[str(word) for word in command] for command in commands])
-        done = self.run("-c", EACH, given, cwd=cwd)
-        assert done.returncode == 0, done.stderr
-        return [Done(*one) for one in json.loads(done.stdout)]
-
-    def skinlab(self, *arguments: object, cwd: Path | None = None):
-        return self.run("-m", "skinlab", *arguments, cwd=cwd)
-
-    def says(self, code: str, tmp_path: Path, *arguments: object) -> str:
-        """What a program prints, which is a file, because its workers import it."""
-        script = tmp_path / "program.py"
-        script.write_text(code)
-        done = self.run(script, *arguments)
-        assert (done.returncode, done.stderr) == (0, "")
-        return done.stdout.strip()
-
-
 @pytest.fixture(scope="module")
 def example(tmp_path_factory) -> Place:
     """`pip install examples/plugin`, without a network, into a folder."""
@@ -100,22 +33,6 @@ def example(tmp_path_factory) -> Place:
     done = Place().run(*pip.split(), "--no-index", "--target", target, source)
     assert done.returncode == 0, done.stderr
     return Place(target)
-
-
-def package(folder: Path, name: str, points: dict[str, dict[str, str]], **modules: str) -> Path:
-    """What an installer leaves of a package: its modules, and metadata beside them."""
-    info = folder / f"{name}-1.0.dist-info"
-    info.mkdir(parents=True)
-    (info / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {name}\nVersion: 1.0\n")
-    (info / "entry_points.txt").write_text(
-        "".join(
-            f"[{group}]\n" + "".join(f"{k} = {v}\n" for k, v in entries.items())
-            for group, entries in points.items()
-        )
-    )
-    for module, text in modules.items():
-        (folder / f"{module}.py").write_text(text)
-    return folder
 
 
 # ---- one of each kind ----------------------------------------------------------------------------
@@ -334,7 +251,7 @@ print(connection.next_event().dialect, dialect_origin("json_lines"), dialect_nam
 
 @pytest.mark.long
 def test_versions_and_cache_keys_know_the_plugin_and_its_source(example, tmp_path):
-    (target,) = example.environment["PYTHONPATH"].split(os.pathsep)
+    (target,) = example.folders
     changed = tmp_path / "changed"
     shutil.copytree(target, changed)
     with (changed / "skinlab_example" / "warm_up.py").open("a") as stream:
@@ -614,7 +531,7 @@ def test_what_breaks_down_late_is_named_too(example, tmp_path):
         "skinlab.laws": {"torn": "later:LAW"},
     }
     later = package(tmp_path / "site", "later", points, later=LATER)
-    place = Place(later, Path(example.environment["PYTHONPATH"]))
+    place = Place(later, *example.folders)
     of_the_law = ["forward", "--direct", "--law", "torn", "--c1-mpa", "0.066", "--c2", "11"]
     errors, law = place.each(
         ["identify", csv, *SKIN, "--json"], [*of_the_law, "--nu", "0.33", *SKIN, *program]
@@ -623,9 +540,8 @@ def test_what_breaks_down_late_is_named_too(example, tmp_path):
     (curve,) = json.loads(errors.stdout)["curves"]
     assert curve["error"].startswith("plugin later, error model 'late': broke down: KeyError: ")
     assert law.returncode == 3
-    assert law.stderr.startswith(
-        "skinlab: plugin later: broke down: KeyError: 'energy' (later.py line 13); details are in"
-    )
+    why = "plugin later, law 'torn': broke down: KeyError: 'energy' (later.py line 13)"
+    assert law.stderr == f"skinlab: {why}\n"
 
 
 def test_a_gate_that_breaks_down_ends_no_measurement(tmp_path):
@@ -653,7 +569,7 @@ def test_a_search_names_an_installed_effect_and_tells_of_one_that_breaks_down(ex
     )
     points = {"skinlab.effects": {"breaks": "breaks:EFFECT"}}
     broken = package(tmp_path / "site", "breaks", points, breaks=effect)
-    place = Place(broken, Path(example.environment["PYTHONPATH"]))
+    place = Place(broken, *example.folders)
     verdict, not_screened, shown = place.says(HIDDEN, tmp_path).splitlines()
     assert verdict == "named [['warm_up']]"
     assert not_screened == "{'breaks': \"plugin breaks broke down: KeyError: 'mine'\"}"

@@ -11,7 +11,7 @@ import numpy as np
 from skinlab.errors import InputError
 from skinlab.inference.problem import Estimate, Options, Problem
 from skinlab.inference.settings import STARTS
-from skinlab.plugins import needs
+from skinlab.plugins import needs, texts
 
 V = TypeVar("V", int, float, str)
 
@@ -161,9 +161,23 @@ def check_method(one: object) -> None:
         raise TypeError(
             f"it is a {type(one).__name__}; expected a skinlab.inference.methods.base.Method"
         )
+    texts(one, "meaning")
+    if not callable(one.search):
+        raise TypeError(f"its search is a {type(one.search).__name__}; expected a function")
+    most: object = one.most_fitted
+    if not isinstance(most, int) or most < 2:
+        raise TypeError(f"its most_fitted is {most!r}; expected an int above 1")
+    options: object = one.options
+    if not isinstance(options, tuple) or not all(isinstance(o, Option) for o in options):
+        raise TypeError("its options are not skinlab.inference.methods.base.Option")
+    if not isinstance(one.settle(Options()), Options):
+        raise TypeError("its settle returns no Options")
+    if not all(isinstance(remark, str) for remark in one.remarks(Options())):
+        raise TypeError("its remarks are no texts")
     common = {f.name for f in fields(Options)} | {"method", "seed"}
     for option in one.options:
         if not option.name.isidentifier() or option.name in common:
             raise TypeError(f"its option {option.name!r} is not a name, or one of all methods")
         if type(option.default) not in _KINDS:
             raise TypeError(f"its option {option.name} has no default of type int, float or str")
+        option.checked(option.default)

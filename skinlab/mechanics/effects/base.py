@@ -15,10 +15,10 @@ from numpy.typing import NDArray
 
 from skinlab.curves.pressure_path import PressurePath
 from skinlab.errors import InputError
-from skinlab.parameters import Parameter
+from skinlab.parameters import Parameter, check_declared
 
 __all__ = ["Array", "Effect", "Effects", "Parameter", "Values"]
-from skinlab.plugins import needs
+from skinlab.plugins import needs, texts
 
 if TYPE_CHECKING:
     from skinlab.mechanics.fem.skin import SkinProblem
@@ -122,5 +122,14 @@ def check_effect(one: object) -> None:
         raise TypeError(
             f"it is a {type(one).__name__}; expected a skinlab.mechanics.effects.base.Effect"
         )
+    texts(one, "meaning", "formula", "source", "same_as", "family")
+    for name in ("physical", "needs_history", "bends", "curved"):
+        if not isinstance(getattr(one, name), bool):
+            raise TypeError(f"its {name} is {getattr(one, name)!r}; expected True or False")
+    if not isinstance(one.order, int):
+        raise TypeError(f"its order is {one.order!r}; expected an int")
+    if not isinstance(one.tried, Mapping):
+        raise TypeError(f"its tried is a {type(one.tried).__name__}; expected a mapping")
+    check_declared(one.parameters)
     if not any(p.zero is not None for p in one.parameters):
         raise TypeError("none of its parameters has a zero; expected one, the effect's size")

@@ -71,7 +71,7 @@ class LearnedLaw(LearnedEffect):
         if not any(values[n] for n in self.names):
             return problem
         law = get_law(problem.skin.law)
-        half_shear = float(law.half_shear_modulus(problem.skin.named))
+        half_shear = float(law.checked_modulus(problem.skin.named))
         own = tuple((n, half_shear * values[n]) for n in self.names)
         return replace(problem, terms=(*problem.terms, Term(INCREMENT, own)))
 

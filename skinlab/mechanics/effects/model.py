@@ -33,6 +33,8 @@ from skinlab.mechanics.fem.suction import (
 
 Array = NDArray[np.float64]
 
+_HUGE = 1e9  # mm and s; squares of residuals overflow far above
+
 
 @dataclass(frozen=True)
 class Response:
@@ -115,7 +117,12 @@ def changed(skin: Skin, effects: Chosen, geometry: Geometry, cycle: int) -> Skin
     for effect, values in effects:
         if type(effect).change is not Effect.change:
             with EFFECTS.at_work(effect.name):
-                problem = effect.change(problem, values, cycle)
+                found: object = effect.change(problem, values, cycle)
+                if not isinstance(found, SkinProblem):
+                    raise TypeError(
+                        f"change returned a {type(found).__name__}; expected a SkinProblem"
+                    )
+                problem = found
     return problem
 
 
@@ -132,7 +139,10 @@ def felt_along(effects: Chosen, path: PressurePath) -> PressurePath:
     """Return the same of effects that are checked."""
     for effect, values in sorted(effects, key=lambda pair: (pair[0].order, pair[0].name)):
         with EFFECTS.at_work(effect.name):
-            path = effect.felt(path, values)
+            found: object = effect.felt(path, values)
+            if not isinstance(found, PressurePath):
+                raise TypeError(f"felt returned a {type(found).__name__}; expected a PressurePath")
+            path = found
     return path
 
 
@@ -253,7 +263,10 @@ class Sensors:
         """Return the times (n,) whose deflection is recorded at these times (n,)."""
         for effect, values in self.chain:
             with EFFECTS.at_work(effect.name):
-                time_s = effect.when(time_s, values)
+                found = effect.when(time_s, values)
+                if EFFECTS.origin(effect.name) is not None:
+                    _check_series("when", found, time_s.shape, time_s)
+                time_s = found
         return time_s
 
     def read(
@@ -264,17 +277,23 @@ class Sensors:
         for effect, values in self.chain:
             with EFFECTS.at_work(effect.name):
                 found = effect.read_along(since_s, pressure_mbar, deflection_mm, values)
-                if getattr(found, "shape", None) != deflection_mm.shape:
-                    _check_series(found, np.broadcast_shapes(since_s.shape, deflection_mm.shape))
+                if EFFECTS.origin(effect.name) is not None:
+                    shape = np.broadcast_shapes(since_s.shape, deflection_mm.shape)
+                    _check_series("read_along", found, shape, deflection_mm)
                 deflection_mm = found
         return deflection_mm
 
 
-def _check_series(found: object, shape: tuple[int, ...]) -> None:
-    got = getattr(found, "shape", None)
-    if got != shape:
-        what = type(found).__name__ if got is None else f"an array of the shape {got}"
-        raise TypeError(f"read_along returned {what}; expected an array of the shape {shape}")
+def _check_series(what: str, found: object, shape: tuple[int, ...], given: Array) -> None:
+    """Check what an installed effect makes of a series: as long, and finite where that is."""
+    if not isinstance(found, np.ndarray) or found.shape != shape:
+        got = getattr(found, "shape", None)
+        told = type(found).__name__ if got is None else f"an array of the shape {got}"
+        raise TypeError(f"{what} returned {told}; expected an array of the shape {shape}")
+    if found.dtype.kind not in "fiu":
+        raise TypeError(f"{what} returned an array of {found.dtype}; expected numbers")
+    if not ((np.abs(found) < _HUGE) | ~np.isfinite(given)).all():
+        raise ValueError(f"{what} returned a value that is not finite, or beyond {_HUGE:g}")
 
 
 @dataclass(frozen=True)

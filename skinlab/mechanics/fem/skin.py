@@ -227,9 +227,9 @@ class Body:
         self, i1: Array, i2: Array, j: Array, own: Sequence[Mapping[str, float]]
     ) -> First:
         """Return first derivatives of the isochoric energy of the skin's own tissue."""
-        total = self.law.isochoric_first(i1, i2, j, own[0])
+        total = self.law.checked_first(i1, i2, j, own[0])
         for term, parameters in zip(self.terms, own[1:], strict=True):
-            x, y, z = term.isochoric_first(i1, i2, j, parameters)
+            x, y, z = term.checked_first(i1, i2, j, parameters)
             total = total[0] + x, total[1] + y, total[2] + z
         return total
 
@@ -286,6 +286,7 @@ def prepare(
     )
     layer, own_layer = assembly.mesh.layer, len(problem.above)
     own = (problem.skin.coefficients, *(dict(term.parameters) for term in problem.terms))
+    body.law.check_small_strains(own[0])
     others = [
         neo_hookean(other.half_shear_mpa, other.kappa_mpa)
         for other in (*problem.above, *problem.below)
@@ -319,7 +320,7 @@ def edge_of(problem: SkinProblem, discretisation: Discretisation) -> float:
     if not problem.above:
         return discretisation.edge_mm(problem.geometry)
     skin = problem.skin
-    own = get_law(skin.law).half_shear_modulus(skin.named) * problem.geometry.thickness_mm
+    own = get_law(skin.law).checked_modulus(skin.named) * problem.geometry.thickness_mm
     carried = sum(layer.thickness_mm * layer.half_shear_mpa for layer in problem.above)
     rim_mm = RIM_MM / (1.0 + (carried / own) ** 2)
     above_mm = tuple(layer.thickness_mm for layer in problem.above)

@@ -9,160 +9,39 @@ Where a law has Poisson's ratio, its compressibility is κ = (μ/2) · ratio(ν)
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from abc import abstractmethod
+from collections.abc import Mapping, Sequence
 from functools import cached_property
-from typing import Any, ClassVar, Protocol
+from typing import Any, ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from skinlab.errors import InputError
+from skinlab.mechanics.materials.checked import check_modulus, told
 from skinlab.mechanics.materials.compressibility import (
     KappaConvention,
     kappa_ratio,
     nu_consistent,
 )
-from skinlab.parameters import Parameter, Search, Space
-from skinlab.plugins import needs
+from skinlab.mechanics.materials.energy import (
+    KAPPA,
+    Array,
+    Energy,
+    First,
+    HasPotential,
+    Potential,
+    potential_of_j1,
+)
+from skinlab.parameters import Parameter, Search, Space, check_declared
+from skinlab.plugins import needs, texts
 
-Array = NDArray[np.float64]
+__all__ = [
+    "DILATATION_SCALE", "KAPPA", "NU_CONSISTENT", "Array", "Energy", "First", "HasPotential", "Law",
+    "Potential", "adopt_law", "check_law", "potential_of_j1", "search_of",
+]  # fmt: skip
 
 NU_CONSISTENT = "nu_consistent"  # the ν of linear elasticity
-KAPPA = "kappa_MPa"  # multiplies ½ (J − 1)², all that depends on J alone
 DILATATION_SCALE = "kappa_over_half_shear"  # the name of a table's axis along κ/(μ/2)
-
-
-@dataclass(frozen=True, slots=True)
-class Potential:
-    """Strain energy per reference volume and its derivatives by (I1, I2, J), in MPa.
-
-    All arrays have the shape of the invariants that they were computed from. `I1` and `I2` are the
-    first two invariants of C = FᵀF, `J` = det F; isotropy makes these three enough.
-    """
-
-    energy: Array
-    d_i1: Array
-    d_i2: Array
-    d_j: Array
-    d_i1_i1: Array
-    d_i1_i2: Array
-    d_i2_i2: Array
-    d_i1_j: Array
-    d_i2_j: Array
-    d_j_j: Array
-
-    def __add__(self, other: Potential) -> Potential:
-        return Potential(*(getattr(self, f) + getattr(other, f) for f in self.__slots__))
-
-    def scaled(self, factor: Any) -> Potential:
-        """Return the potential times a factor: a number, or an array that broadcasts."""
-        return Potential(*(getattr(self, f) * factor for f in self.__slots__))
-
-
-def potential_of_j1(
-    i1: Array, j: Array, energy: Callable[[Array], tuple[Array, Array, Array]]
-) -> Potential:
-    """Return the potential of an energy that depends on J1 = I3^(−1/3) I1 alone.
-
-    energy: gives W and its first and second derivative by J1, from J1 − 3.
-    """
-    a = j ** (-2.0 / 3.0)  # J1 = a I1
-    value, first, second = energy(a * i1 - 3.0)
-    a_j = -2.0 / 3.0 * a / j
-    j1_j = a_j * i1
-    j1_jj = -5.0 / 3.0 * j1_j / j
-    nothing = 0.0 * i1
-    return Potential(
-        energy=value,
-        d_i1=first * a,
-        d_i2=nothing,
-        d_j=first * j1_j,
-        d_i1_i1=second * a * a,
-        d_i1_i2=nothing,
-        d_i2_i2=nothing,
-        d_i1_j=second * a * j1_j + first * a_j,
-        d_i2_j=nothing,
-        d_j_j=second * j1_j * j1_j + first * j1_jj,
-    )
-
-
-First = tuple[Array, Array, Array]  # derivatives of an energy by I1, I2 and J
-
-
-class HasPotential(Protocol):
-    """What the finite elements ask of an energy."""
-
-    def potential(self, i1: Array, i2: Array, j: Array, parameters: Any) -> Potential:
-        """Return energy and derivatives; the parameters are what this energy understands."""
-        ...
-
-    def first_derivatives(self, i1: Array, i2: Array, j: Array, parameters: Any) -> First:
-        """Return ∂W/∂I1, ∂W/∂I2 and ∂W/∂J: all that forces need."""
-        ...
-
-
-class Energy(ABC):
-    """An isotropic hyperelastic energy W = W_iso + κ/2 (J − 1)²; subclasses give W_iso.
-
-    `potential` takes what is in `parameter_names`, in MPa or without unit.
-    """
-
-    name: ClassVar[str]
-    source: ClassVar[str]
-    linear: ClassVar[bool] = False  # W is a sum of parameters times functions of the invariants
-    parameter_names: tuple[str, ...]
-
-    @abstractmethod
-    def isochoric(self, i1: Array, i2: Array, j: Array, parameters: Mapping[str, Any]) -> Potential:
-        """Return W_iso and its derivatives. It may depend on its parameters in any way."""
-
-    def isochoric_first(
-        self, i1: Array, i2: Array, j: Array, parameters: Mapping[str, Any]
-    ) -> First:
-        """Return the first derivatives of W_iso. A law may have a shorter way to them."""
-        found = self.isochoric(i1, i2, j, parameters)
-        return found.d_i1, found.d_i2, found.d_j
-
-    def first_derivatives(
-        self,
-        i1: Array,
-        i2: Array,
-        j: Array,
-        parameters: Mapping[str, Any],
-        isochoric: Any = 1.0,
-    ) -> First:
-        """Return ∂W/∂I1, ∂W/∂I2 and ∂W/∂J, W_iso times a factor."""
-        d_i1, d_i2, d_j = self.isochoric_first(i1, i2, j, parameters)
-        if not (isinstance(isochoric, float) and isochoric == 1.0):
-            d_i1, d_i2, d_j = isochoric * d_i1, isochoric * d_i2, isochoric * d_j
-        kappa = parameters.get(KAPPA)
-        return d_i1, d_i2, d_j if kappa is None else d_j + kappa * (j - 1.0)
-
-    def potential(
-        self,
-        i1: Array,
-        i2: Array,
-        j: Array,
-        parameters: Mapping[str, Any],
-        isochoric: Any = 1.0,
-    ) -> Potential:
-        """Return energy and derivatives, W_iso times a factor.
-
-        Parameters and the factor are floats, or arrays that broadcast against the invariants.
-        """
-        iso = self.isochoric(i1, i2, j, parameters)
-        if not (isinstance(isochoric, float) and isochoric == 1.0):
-            iso = iso.scaled(isochoric)
-        kappa = parameters.get(KAPPA)
-        if kappa is None:
-            return iso
-        change = j - 1.0
-        return Potential(
-            iso.energy + 0.5 * kappa * change**2, iso.d_i1, iso.d_i2, iso.d_j + kappa * change,
-            iso.d_i1_i1, iso.d_i1_i2, iso.d_i2_i2, iso.d_i1_j, iso.d_i2_j, iso.d_j_j + kappa,
-        )  # fmt: skip
 
 
 class Law(Energy):
@@ -242,7 +121,20 @@ class Law(Energy):
 
     def with_ratio(self, values: Mapping[str, Any], ratio: Any) -> dict[str, Any]:
         """Return what the potential needs, given κ/(μ/2) in place of Poisson's ratio."""
-        return {**values, KAPPA: self.half_shear_modulus(values) * ratio}
+        return {**values, KAPPA: self.checked_modulus(values) * ratio}
+
+    def checked_modulus(self, values: Mapping[str, Any]) -> Any:
+        """Return μ/2 at rest, MPa, from the parameters by name.
+
+        Raises:
+            BrokenPluginError: an installed law does not say it.
+        """
+        if self.plugin is None:
+            return self.half_shear_modulus(values)
+        with told(self.plugin):
+            found = self.half_shear_modulus(values)
+            check_modulus(found, values)
+        return found
 
     def dilatation_ratio(self, values: Mapping[str, float], convention: KappaConvention) -> float:
         """Return κ/(μ/2) of the parameters by name.
@@ -253,7 +145,7 @@ class Law(Energy):
         if self.poisson is not None:
             return float(kappa_ratio(values[self.poisson], convention))
         kappa = values[KAPPA] if KAPPA in values else self.bulk_modulus(values)
-        return float(kappa / self.half_shear_modulus(values))
+        return float(kappa / self.checked_modulus(values))
 
     def bulk_modulus(self, values: Mapping[str, Any]) -> float:
         """Return d²W/dJ² at rest, MPa, of what the potential takes: equal stretches in all ways."""
@@ -267,7 +159,7 @@ class Law(Energy):
     def derived(self, values: Mapping[str, float], convention: KappaConvention) -> dict[str, float]:
         """Return what a report shows besides: the ν of linear elasticity, and κ."""
         ratio = self.dilatation_ratio(values, convention)
-        kappa = ratio * float(self.half_shear_modulus(values))
+        kappa = ratio * float(self.checked_modulus(values))
         return dict(zip(self.derived_names, (float(nu_consistent(ratio)), kappa), strict=True))
 
     @property
@@ -303,6 +195,11 @@ def search_of(parameter: Parameter) -> Search:
     return Search(parameter.low, parameter.high, "log" if log else "linear")
 
 
+def adopt_law(law: Law, who: str) -> None:
+    """Note where an installed law comes from: what it says is checked, and errors name it."""
+    law.plugin = who
+
+
 _NOT_MPA = frozenset({"Pa", "hPa", "kPa", "GPa", "bar", "mbar", "mmHg", "psi", "N/m²", "N/mm²"})
 
 
@@ -320,12 +217,16 @@ def check_law(one: object) -> None:
             "skinlab.mechanics.materials.base.Law"
         )
     needs(one, "formula", "source")
+    texts(one, "formula", "meaning", "source", "dilatation_scale")
     declared = getattr(one, "parameters", ())
     if not declared or not all(isinstance(p, Parameter) for p in declared):
         raise TypeError(
             "its parameters are not skinlab.parameters.Parameter; expected at least one, of which "
             "the first is the stiffness that the energy is proportional to"
         )
+    check_declared(declared)
+    if len(one.derived_names) != 2:
+        raise ValueError(f"its derived_names are {one.derived_names!r}; expected two: ν and κ")
     _check_parameters(one)
 
 
@@ -340,8 +241,6 @@ def _check_parameters(law: Law) -> None:
             f"law {law.name!r}: poisson is {law.poisson!r}; expected one of: "
             f"{', '.join(law.names)}, or None"
         )
-    if len(set(law.names)) != len(law.names):
-        raise ValueError(f"law {law.name!r}: two of its parameters have one name")
     unit = law.parameter(law.scale).unit
     if unit != "MPa":
         raise ValueError(

@@ -7,7 +7,7 @@ finds the same.
 
 from __future__ import annotations
 
-from skinlab.plugins import Registry, warn
+from skinlab.plugins import Registry, texts, warn
 from skinlab.quality.gates.base import CurveSoFar, Finding, Gate, check_gate
 
 GATES: Registry[Gate] = Registry("gate", __name__, "GATE", "skinlab.gates", check_gate)
@@ -28,7 +28,8 @@ def judge(gate: Gate, view: CurveSoFar) -> Finding | None:
             raise TypeError(f"it returned a {type(found).__name__}; expected a Finding or None")
         if found.gate != gate.name:  # it would be said again and again
             raise ValueError(f"it calls itself {found.gate!r} where it finds")
-    except Exception as error:  # noqa: BLE001 -- no plugin may end a measurement
+        texts(found, "sentence", "advice")
+    except (Exception, SystemExit) as error:  # noqa: BLE001 -- no plugin may end a measurement
         warn(f"{who}: broke down, and judges nothing: {type(error).__name__}: {error}")
         return None
     return found

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skinlab.curves.curve import Curve, Setup
-from skinlab.plugins import needs
+from skinlab.plugins import needs, texts
 from skinlab.quality.gates.asked import asked_band_mbar
 from skinlab.quality.settings import TIMES
 
@@ -107,6 +107,9 @@ def check_gate(one: object) -> None:
     needs(one, "check", "meaning", "threshold")
     if not isinstance(one, Gate):
         raise TypeError(f"it is a {type(one).__name__}; expected a skinlab.quality.gates.base.Gate")
+    texts(one, "meaning", "threshold")
+    if not callable(one.check):
+        raise TypeError(f"its check is a {type(one.check).__name__}; expected a function")
 
 
 def whole(curve: Curve, earlier: tuple[Curve, ...] = ()) -> CurveSoFar:
