@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 from skinlab.curves.campaign import Campaign, read_campaign
-from skinlab.curves.csv import read_curve
+from skinlab.curves.csv import IMPORT, read_curve
 from skinlab.curves.curve import Curve, Setup
 from skinlab.curves.distinct import check_distinct
 from skinlab.errors import InputError
@@ -51,9 +52,16 @@ def read_input(path: Path, setup: Setup | None) -> Input:
         )
         return Input(named, measured_here=True)
     raise InputError(
-        f"{path}: expected a curve (.csv), a session (.h5) or a campaign (.toml); "
-        "`skinlab import` takes what other software exports"
+        f"{path}: expected a curve (.csv), a session (.h5) or a campaign (.toml); {IMPORT}"
     )
+
+
+def import_advice(paths: Iterable[Path]) -> str:
+    """Return what to do with the first of these that only `skinlab import` reads; "" for none."""
+    ours = {".csv", ".toml", ".h5", ".hdf5"}
+    foreign = (p for p in paths if p.suffix.lower() not in ours and p.is_file())
+    first = next(foreign, None)
+    return "" if first is None else f"; {first} is none of these: {IMPORT}"
 
 
 def read_campaign_or_session(path: Path) -> tuple[Campaign, list[Path]]:

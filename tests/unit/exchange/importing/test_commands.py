@@ -139,6 +139,34 @@ def test_mistakes_give_one_sentence_and_leave_nothing(call, tmp_path, arguments,
     assert sorted(tmp_path.iterdir()) == before
 
 
+@pytest.mark.parametrize(
+    ("name", "status"), [("a.txt", 2), ("other.csv", 3), ("comma.csv", 3), ("utf16.csv", 3)]
+)
+def test_what_only_import_reads_is_refused_with_the_advice_to_import_it(
+    call, tmp_path, name, status
+):
+    (tmp_path / "other.csv").write_text(HEADER + ROWS)
+    ours = "time_s;pressure_mbar;deflection_mm\n" + ROWS
+    (tmp_path / "comma.csv").write_text(ours.replace(".", ",").replace(";", ","))
+    (tmp_path / "utf16.csv").write_text(ours.replace(";", ","), encoding="utf-16")
+    got, _, err = call("identify", name, *SKIN)
+    assert got == status
+    assert name in err
+    assert "`skinlab import` makes a session of what other software exported" in err
+
+
+def test_a_missing_column_is_told_before_too_few_samples(call, tmp_path):
+    (tmp_path / "few.csv").write_text("time_s,pressure_mbar\n0,0\n0.1,1\n0.2,2\n")
+    status, _, err = call("import", "few.csv", *SKIN, "--out", "s.h5")
+    assert status == 3
+    assert "few.csv: line 1: no column of the deflection" in err
+    (tmp_path / "few.csv").write_text("a,b,c\n0,0,0\n0.1,1,0\n0.2,2,0\n")
+    assert (
+        "few.csv: 3 samples; expected at least 5"
+        in call("import", "few.csv", *SKIN, "--out", "s.h5")[2]
+    )  # and nobody is asked which column is which
+
+
 def test_capture_ends_by_itself(call):
     status, _, err = call("capture", "--port", "sim://", "--seconds", "0", "--out", "c.jsonl")
     assert status == 0
