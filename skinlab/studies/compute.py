@@ -23,7 +23,7 @@ from skinlab.inference.result import Identification
 from skinlab.io.log import log_exception
 from skinlab.recording.audit import entries
 from skinlab.recording.load_inputs import read_input
-from skinlab.recording.session import Session, read_session
+from skinlab.recording.session import Session, measured_utc, read_session
 from skinlab.recording.stream import setup_to_json
 from skinlab.studies.settings import PRIORS
 from skinlab.studies.sources import SESSIONS, Facts, setup_of, sha256_of
@@ -127,7 +127,7 @@ def labels_of(session: Session) -> dict[str, Any]:
     known = {
         "subject": meta.get("subject"),
         "site": meta.get("site"),
-        "visit": str(meta.get("created_utc") or "")[:10],  # the day
+        "visit": measured_utc(meta)[:10],  # the day
         "operator": who,
         "probe": instrument.get("serial_number") if isinstance(instrument, dict) else None,
     }

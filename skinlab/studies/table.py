@@ -25,7 +25,7 @@ from skinlab.io.documents import text_of
 from skinlab.io.files import whole_file, whole_text
 from skinlab.mechanics.materials import get_law
 from skinlab.recording.recorder import identification_settings
-from skinlab.studies.sources import LABELS, SETUP, pseudonym
+from skinlab.studies.sources import LABELS, SESSIONS, SETUP, pseudonym
 from skinlab.studies.state import State, Stored
 from skinlab.text import csv_cell, inert, needs
 from skinlab.versions import versions
@@ -167,6 +167,8 @@ def _row(
     row["file"], row["curve"], row["sha256"] = stored.source, said["curve"], stored.sha256
     for name in LABELS:
         row[name] = known.get(name)
+    if not row["visit"] and Path(stored.source).suffix.lower() in SESSIONS:
+        row["visit"] = stored.source  # see `analysis.undated`
     if row["subject"]:
         row["subject"] = pseudonym(str(row["subject"]))
     row |= said["setup"]

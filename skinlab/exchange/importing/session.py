@@ -45,14 +45,17 @@ def imported_session(
     results: Sequence[Identification | None],
     identifier: Identifier | None,
     who: Who,
+    measured: str = "",
 ) -> Session:
     """Return the session of these curves and of what was identified from them.
 
-    Without an identifier nothing was identified. The audit trail is one entry: who imported what.
+    Without an identifier nothing was identified. `measured` is when they were measured, as
+    `stated_time` returns it; "": nobody said. The audit trail is one entry: who imported what.
     """
     utc_s, host_time_s = who.now(), who.clock()
     meta: dict[str, Any] = {
         "created_utc": datetime.fromtimestamp(utc_s, UTC).isoformat(),
+        **({"measured_utc": measured} if measured else {}),
         "created_host_time_s": host_time_s,
         "skinlab_version": __version__,
         "versions": versions(),

@@ -167,6 +167,14 @@ def test_a_missing_column_is_told_before_too_few_samples(call, tmp_path):
     )  # and nobody is asked which column is which
 
 
+@pytest.mark.parametrize("kind", ["fhir", "parameters"])
+def test_an_export_without_parameters_says_so(call, kind):
+    assert call("import", "a.txt", *SKIN, "--out", "s.h5")[0] == 0
+    status, _, err = call("export", "s.h5", "--to", kind, "d")
+    assert status == 0
+    assert "s.h5: no curve has parameters: not identified yet; `skinlab identify s.h5" in err
+
+
 def test_capture_ends_by_itself(call):
     status, _, err = call("capture", "--port", "sim://", "--seconds", "0", "--out", "c.jsonl")
     assert status == 0

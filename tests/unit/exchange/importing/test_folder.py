@@ -185,3 +185,31 @@ def test_a_session_that_cannot_be_written_is_tried_again(tmp_path, table):
     (tmp_path / "no").unlink()
     assert watcher.save() == out
     assert len(read_session(out).curves) == 1
+
+
+@pytest.mark.parametrize(
+    ("before", "stated", "measured"),
+    [
+        (False, "", "1970-01-01T00:00:05+00:00"),
+        (True, "", None),
+        (True, "2020-01-02", "2020-01-02"),
+    ],
+)
+def test_a_session_was_measured_as_its_first_file_landed(tmp_path, table, before, stated, measured):
+    """A file that lay there before anybody watched may be of any day."""
+    out, time_s = tmp_path / "s.h5", [0.0]
+    who = Who("P-7", "forearm", "somebody", clock=lambda: 0.0, now=lambda: time_s[0])
+    watcher = Watch(out, Setup(6, 1), Answers(), Identifier(table), who, stated)
+    folder = Folder(tmp_path)
+    for name, at_s in (("a.csv", 0.0 if before else 4.0), ("b.csv", 9.0)):
+        if not before or name != "a.csv":
+            folder.poll(at_s - 1)
+        (tmp_path / name).write_text(CURVE.replace("0.006", "0.00" + str(int(at_s) % 3 + 5)))
+        folder.poll(at_s)
+        time_s[0] = at_s + 1
+        (arrival,) = folder.poll(time_s[0])
+        watcher.take(arrival)
+        watcher.save()
+    meta = read_session(out).meta
+    assert len(meta["imported"]) == 2
+    assert meta.get("measured_utc") == measured
