@@ -133,6 +133,7 @@ def command(
         Remembered(default_path(), ask_again=ask_again),
     )
     good: list[Imported] = []
+    seen: dict[str, Path] = {}  # by the hash of their bytes
     entries: list[dict[str, Any]] = []
     for path, setup in zip(files, setups, strict=True):
         reading = path
@@ -143,6 +144,11 @@ def command(
         except InputError as error:
             entry["error"] = str(error)
             echo(f"skinlab: {error}", err=True)
+            continue
+        if (before := seen.setdefault(imported.sha256, path)) is not path:
+            same = "twice" if before == path else f"also as {before}"
+            entry["error"] = f"{path}: the same readings are given {same}; expected each curve once"
+            echo(f"skinlab: {entry['error']}", err=True)
             continue
         good.append(imported)
         entry.update(points=len(imported.curve), understood=list(imported.understood))

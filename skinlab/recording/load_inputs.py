@@ -12,6 +12,8 @@ from skinlab.curves.curve import Curve, Setup
 from skinlab.curves.distinct import check_distinct
 from skinlab.errors import InputError
 
+SESSIONS = frozenset({".h5", ".hdf5"})  # endings of their names
+
 
 @dataclass(frozen=True, eq=False)
 class Input:
@@ -43,7 +45,7 @@ def read_input(path: Path, setup: Setup | None) -> Input:
         campaign = read_campaign(path)
         noise = campaign.noise_um, campaign.pressure_noise_mbar
         return Input(campaign.curves, *noise, campaign.placement_scatter)
-    if suffix in (".h5", ".hdf5"):
+    if suffix in SESSIONS:
         from skinlab.recording.session import read_session
 
         curves = read_session(path).curves
@@ -58,7 +60,7 @@ def read_input(path: Path, setup: Setup | None) -> Input:
 
 def import_advice(paths: Iterable[Path]) -> str:
     """Return what to do with the first of these that only `skinlab import` reads; "" for none."""
-    ours = {".csv", ".toml", ".h5", ".hdf5"}
+    ours = {".csv", ".toml", *SESSIONS}
     foreign = (p for p in paths if p.suffix.lower() not in ours and p.is_file())
     first = next(foreign, None)
     return "" if first is None else f"; {first} is none of these: {IMPORT}"
@@ -82,7 +84,7 @@ def read_campaign_or_session(path: Path) -> tuple[Campaign, list[Path]]:
         )
         check_distinct(named)
         return replace(campaign, curves=named), [path, *(path.parent / c.name for c in named)]
-    if suffix in (".h5", ".hdf5"):
+    if suffix in SESSIONS:
         given = read_input(path, None)
         check_distinct(given.curves)
         return Campaign(path.stem, None, None, given.curves), [path]

@@ -15,9 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skinlab.mechanics.names import is_logarithmic
+from skinlab.recording.load_inputs import SESSIONS
 from skinlab.studies.components import Components, components
 from skinlab.studies.design import WITHIN, Effect, effect
-from skinlab.studies.sources import LABELS, SESSIONS
+from skinlab.studies.sources import LABELS
 from skinlab.studies.table import Cell, Columns
 from skinlab.text import counted
 

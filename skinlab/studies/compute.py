@@ -22,11 +22,11 @@ from skinlab.inference.identify import Identifier
 from skinlab.inference.result import Identification
 from skinlab.io.log import log_exception
 from skinlab.recording.audit import entries
-from skinlab.recording.load_inputs import read_input
+from skinlab.recording.load_inputs import SESSIONS, read_input
 from skinlab.recording.session import Session, measured_utc, read_session
 from skinlab.recording.stream import setup_to_json
 from skinlab.studies.settings import PRIORS
-from skinlab.studies.sources import SESSIONS, Facts, setup_of, sha256_of
+from skinlab.studies.sources import Facts, setup_of, sha256_of
 
 Array = NDArray[np.float64]
 

@@ -14,11 +14,11 @@ from typing import Any
 
 from skinlab.errors import InputError
 from skinlab.inference.identify import Identifier
+from skinlab.recording.load_inputs import SESSIONS
 from skinlab.recording.recorder import identification_settings
 from skinlab.studies.compute import Computed, Task, compute
 from skinlab.studies.sources import (
     NOISE,
-    SESSIONS,
     SETUP,
     Plan,
     Source,

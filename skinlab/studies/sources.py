@@ -32,12 +32,12 @@ from skinlab.exchange.importing.folder import SUFFIXES
 from skinlab.io.documents import read_toml
 from skinlab.io.files import file_hash, real_path
 from skinlab.mechanics.names import parameter_of
+from skinlab.recording.load_inputs import SESSIONS
 from skinlab.recording.pseudonym import check_subject
 
 LABELS = ("subject", "visit", "site", "operator", "probe", "placement")
 SETUP = ("aperture_mm", "thickness_mm", "thickness_sd_mm", "program", "cycle", "repeat")
 NOISE = ("noise_um", "pressure_noise_mbar")
-SESSIONS = frozenset({".h5", ".hdf5"})
 LEFT_ALONE = "left alone: "  # how the reason begins of what nobody would take for a curve
 
 _NUMBERS = frozenset({"aperture_mm", "thickness_mm", "thickness_sd_mm", *NOISE})

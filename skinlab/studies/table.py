@@ -24,8 +24,9 @@ from skinlab.inference.identify import Identifier
 from skinlab.io.documents import text_of
 from skinlab.io.files import whole_file, whole_text
 from skinlab.mechanics.materials import get_law
+from skinlab.recording.load_inputs import SESSIONS
 from skinlab.recording.recorder import identification_settings
-from skinlab.studies.sources import LABELS, SESSIONS, SETUP, pseudonym
+from skinlab.studies.sources import LABELS, SETUP, pseudonym
 from skinlab.studies.state import State, Stored
 from skinlab.text import csv_cell, inert, needs
 from skinlab.versions import versions

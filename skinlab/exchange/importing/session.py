@@ -14,6 +14,7 @@ from skinlab.exchange.importing.reader import Imported
 from skinlab.inference.identify import Identifier
 from skinlab.inference.result import Identification
 from skinlab.recording.audit import Chain, note, operator
+from skinlab.recording.load_inputs import SESSIONS
 from skinlab.recording.pseudonym import check_site, check_subject
 from skinlab.recording.recorder import identification_settings
 from skinlab.recording.session import Session, write_session
@@ -82,10 +83,13 @@ def check_new(path: Path) -> None:
     """Make sure that a session can be written there.
 
     Raises:
-        InputError: there is a file already, or no folder that can be written.
+        InputError: there is a file already, no folder that can be written, or a name that no
+            command would take for a session.
     """
     if path.exists():
         raise InputError(f"{path}: exists already; a session is never overwritten")
+    if path.suffix.lower() not in SESSIONS:
+        raise InputError(f"{path}: expected a name that ends with .h5, as sessions have")
     write_session(path, Session({}, (), (), ()))
     path.unlink()
 

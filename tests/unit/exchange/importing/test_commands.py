@@ -119,6 +119,13 @@ def test_nothing_good_leaves_no_session(call, tmp_path):
         (["import", "a.txt", *SKIN, "--cycle", 0, "--out", "s.h5"], 3, "count from 1"),
         (["import", "a.txt", *SKIN, "--program", "up", "--out", "s.h5"], 3, "is not a segment"),
         (["import", "a.txt", *SKIN, "--out", "a.txt"], 3, "exists already"),
+        (["import", "a.txt", *SKIN, "--out", "s.txt"], 3, "s.txt: expected a name that ends with"),
+        (["watch", ".", *SKIN, "--out", "s.txt"], 3, "s.txt: expected a name that ends with .h5"),
+        (
+            ["import", "b.txt", *SKIN, *RAMP, "--program-start-s", 6, "--out", "s.h5"],
+            3,
+            "0 samples while the program ran, which started at 6 s",
+        ),
         (["import", "b.txt", *SKIN, "--out", "s.h5"], 3, "no column of the pressure"),
         (["watch", "absent", *SKIN], 3, "absent: no such folder"),
         (["watch", ".", *SKIN, "--settle-s", 0], 3, "expected 0.1-3600"),
@@ -173,6 +180,24 @@ def test_an_export_without_parameters_says_so(call, kind):
     status, _, err = call("export", "s.h5", "--to", kind, "d")
     assert status == 0
     assert "s.h5: no curve has parameters: not identified yet; `skinlab identify s.h5" in err
+
+
+def test_a_file_that_is_given_twice_is_taken_once(call):
+    status, out, err = call("import", "a.txt", "a.txt", "b.txt", *SKIN, *RAMP, "--out", "s.h5")
+    assert (status, out) == (3, "session: s.h5\n")
+    assert "a.txt: the same readings are given twice; expected each curve once" in err
+    assert [curve.name for curve in read_session("s.h5").curves] == ["a.txt", "b.txt"]
+
+
+@pytest.mark.parametrize(
+    "command",
+    [["replay", "s.h5"], ["compare", "s.h5", "s.h5"], ["export", "s.h5", "p", "--to=parameters"]],
+)
+def test_a_database_that_is_asked_for_is_used_where_nothing_was_identified(call, command):
+    assert call("import", "a.txt", *SKIN, "--out", "s.h5")[0] == 0
+    status, _, err = call(*command, "--database", "a.txt")
+    assert status == 3
+    assert "a.txt: not readable as HDF5" in err
 
 
 def test_capture_ends_by_itself(call):
