@@ -75,6 +75,7 @@ class Watch:
         path = arrival.path
         try:
             imported = import_bytes(path, arrival.data, self._setup, self._answers)
+            self._check_new(path, imported, at)
             times = sum(one.path == path and one.imported is not None for one in self.landed)
             if times and not arrival.continues:
                 name = f"{imported.curve.name} ({times + 1})"
@@ -85,6 +86,15 @@ class Watch:
             return Landed(path, self._heard, imported, arrival.lay_there)
         except InputError as error:
             return Landed(path, Identification(path.name, self._setup, str(error)), None)
+
+    def _check_new(self, path: Path, imported: Imported, at: int) -> None:
+        """Refuse a copy: each curve counts as data of its own."""
+        for k, one in enumerate(self.landed):
+            if k != at and one.imported is not None and one.imported.sha256 == imported.sha256:
+                raise InputError(
+                    f"{path}: the same readings as {one.imported.curve.name}; expected each curve "
+                    "once"
+                )
 
     def _measured(self) -> str:
         """Return when the session was measured; "" where a file may be of any day."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from datetime import UTC, datetime, timedelta, timezone
 
 import pytest
@@ -11,7 +12,8 @@ from skinlab.cli.main import run
 from skinlab.errors import InputError
 from skinlab.exchange.fhir import to_fhir
 from skinlab.exchange.importing.measured import stated_time
-from skinlab.recording.session import example_session, measured_utc, read_session
+from skinlab.recording.session import Session, example_session, measured_utc, read_session
+from skinlab.report.session_report import SessionReport
 
 NOW = datetime(2026, 3, 1, 23, 30, tzinfo=UTC)
 BERLIN = timezone(timedelta(hours=1))
@@ -96,6 +98,19 @@ def test_without_it_no_day_is_told(imported, capsys):
     assert skinlab.read_session(path).measured_utc == ""
     assert run(["session", "info", "s.h5"]) == 0
     assert "measured on a day that nobody stated" in capsys.readouterr().out
+
+
+def test_a_report_and_a_comparison_tell_the_day_or_that_nobody_stated_it(
+    imported, tmp_path, capsys
+):
+    for name, options in (("open.h5", ()), ("day.h5", ("--measured", "2020-02-03"))):
+        path = imported("--subject", "P-1", *options)[2].rename(tmp_path / name)
+        session = Session(read_session(path).meta, (), (), ())
+        page = SessionReport(session, "not needed").html()
+        assert ("nobody stated when it was measured" in page) == (name == "open.h5")
+        assert ("Subject P-1 · 2020-02-03<" in page) == (name == "day.h5")
+    assert run(["compare", "open.h5", "day.h5", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["measured_utc"] == [None, "2020-02-03"]
 
 
 @pytest.mark.parametrize("text", ["yesterday", "2999-01-01", "2026-02-30"])
