@@ -89,7 +89,12 @@ def identifier_of(
 def _identifier_of(session: Session, database_path: Path | None) -> tuple[Identifier, str | None]:
     settings = session.meta.get("identification")
     if settings is None and is_imported(session):
-        return Identifier(shipped_table()), None  # nothing was identified, nothing can differ
+        # Nothing was identified, nothing can differ
+        table = _database(None, None, database_path)
+        identifier = Identifier(table)
+        if table.spec.model is not None:
+            identifier = with_custom_table(identifier, table, phases_said=False)
+        return identifier, None
     if not isinstance(settings, dict):
         raise InputError("the session does not say how it was identified")
     try:

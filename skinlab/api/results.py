@@ -279,6 +279,13 @@ class Session(Document):
             "meta",
         )
 
+    @property
+    def measured_utc(self) -> str:
+        """When it was measured: UTC, or a day alone; "" of an imported one if nobody stated it."""
+        from skinlab.recording.session import measured_utc
+
+        return measured_utc(self._session.meta)
+
     def to_dict(self) -> dict[str, Any]:
         """Return file, meta, curves and results as plain data."""
         return {**super().to_dict(), "curves": [c.to_dict() for c in self.curves]}

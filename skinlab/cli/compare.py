@@ -63,6 +63,7 @@ def command(
     from skinlab.acquisition.replay import identifier_of
     from skinlab.errors import InputError
     from skinlab.inference.compare import compare, in_words
+    from skinlab.recording.session import measured_utc
     from skinlab.recording.session_fit import fit_session
     from skinlab.studies import change
     from skinlab.studies.comparison import read_compared
@@ -98,13 +99,24 @@ def command(
         placement_scatter=stated,
         relevant_percent=relevant,
     )
+    days = [measured_utc(session.meta) for session in sessions]
     if as_json:
         files = [str(path) for path in paths]
-        more = {"files": files, "notes": list(notes), "change": judged.to_json()}
+        more = {
+            "files": files,
+            "measured_utc": [day or None for day in days],
+            "notes": list(notes),
+            "change": judged.to_json(),
+        }
         print_json(found.to_json() | more)
         return 0
     for sentence in notes:
         echo_text(sentence)
+    named = [
+        f"{path.name} ({f'measured {day[:10]}' if day else 'nobody stated when it was measured'})"
+        for path, day in zip(paths, days, strict=True)
+    ]
+    echo(f"Before: {named[0]}. After: {named[1]}.")
     for line in change.in_words(judged):
         echo(line)
     echo(f"If nothing but {found.counted} differed between the sessions:")

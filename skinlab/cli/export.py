@@ -88,12 +88,14 @@ def command(
             paths = export(read, kind, folder)
         case "fhir":
             paths = write_new(folder, {n: t.encode() for n, t in to_fhir(read).items()})
+            _tell_without(session, read)
         case "parameters":
             identifier, warning = identifier_of(read, database_path)
             if warning is not None:
                 echo(f"skinlab: {session}: {warning}", err=True)
             made = to_parameters(read, identifier)
             paths = write_new(folder, {n: t.encode() for n, t in made.items()})
+            _tell_without(session, read)
         case _:
             more = []
             if reference_path is not None:
@@ -104,6 +106,26 @@ def command(
     for path in paths:
         echo(str(path))
     return 0
+
+
+def _tell_without(path: Path, session: Session) -> None:
+    """Say which curves have no parameters to export, and why."""
+    missing = [r for r in session.results if not (r or {}).get("parameters")]
+    if session.curves and not missing:
+        return
+    if len(missing) < len(session.curves):
+        of = f"{len(missing)} of {len(session.curves)} curves have"
+    else:
+        of = "no curve has"
+    if not session.curves:
+        why = "the session has no curves"
+    elif None in missing:
+        why = f"not identified yet; `skinlab identify {path} --json` does, and prints them"
+        if session.meta.get("imported") is not None:
+            why += "; `skinlab watch` identifies what it imports, and keeps it in its session"
+    else:
+        why = f"identification failed; `skinlab export {path} --to csv DIR` says why"
+    echo(f"skinlab: {path}: {of} parameters: {why}", err=True)
 
 
 def _beside(
@@ -152,6 +174,7 @@ def _changed(
     """Return whether the skin has changed; nothing where there is nothing to compare with."""
     from skinlab.acquisition.replay import identifier_of
     from skinlab.errors import SkinlabError
+    from skinlab.recording.session import measured_utc
     from skinlab.recording.visit_index import visit_before
     from skinlab.studies.comparison import section, since
 
@@ -162,6 +185,12 @@ def _changed(
         instrument = session.meta.get("instrument")
         simulated = isinstance(instrument, dict) and bool(instrument.get("simulated"))
         whose = (str(session.meta.get("subject") or ""), str(session.meta.get("site") or ""))
+        if whose[0] and not measured_utc(session.meta):
+            echo(
+                f"skinlab: {path}: not compared with an earlier session: nobody stated when it was "
+                "measured (--since FILE compares, and `skinlab import --measured` states it)",
+                err=True,
+            )
         before = visit_before(path.parent, whose, path, simulated=simulated, keep=False)
     if before is None:
         if control is not None:

@@ -83,7 +83,7 @@ def command(
 
     from skinlab.errors import InputError
     from skinlab.inference.result import Identification, document, not_trustworthy
-    from skinlab.recording.load_inputs import read_input
+    from skinlab.recording.load_inputs import import_advice, read_input
     from skinlab.report.text import describe, describe_advice
 
     if advise and options["method"] != "auto":
@@ -106,7 +106,7 @@ def command(
     if not csv_given and (aperture_mm, thickness_mm, thickness_sd_mm) != (None, None, None):
         raise click.UsageError(
             "--aperture-mm, --thickness-mm and --thickness-sd-mm are for a curve CSV; sessions and "
-            "campaigns state their own"
+            f"campaigns state their own{import_advice(inputs)}"
         )
     if aperture_mm is not None and thickness_mm is not None:
         from skinlab.curves.curve import Setup

@@ -48,7 +48,7 @@ def _show_answers(ctx: click.Context, _: click.Parameter, wanted: bool) -> None:
     multiple=True,
     help="A name for one putting-on of the probe  [default: a curve of cycle 1 begins one].",
 )
-@form_options()
+@form_options("not known")
 @click.option("--ask-again", is_flag=True, help="Forget what was answered for such files before.")
 @click.option(
     "--show-answers",
@@ -71,6 +71,7 @@ def command(
     placement: tuple[str, ...],
     subject: str,
     site: str,
+    measured: str,
     out: Path,
     ask_again: bool,
     as_json: bool,
@@ -84,11 +85,12 @@ def command(
     column of the pressure, --program says what it was.
 
     The options from --aperture-mm to --placement hold for all files, or are given once a file, in
-    the files' order.
+    the files' order. --measured says on which day they were measured, which no file is asked for:
+    without it the session has no day, and no place in time.
 
     \b
     Example: skinlab import a.txt b.txt --aperture-mm 6 --thickness-mm 1 --cycle 1 --cycle 2 \\
-             --program ramp:100@20 --out visit.h5
+             --program ramp:100@20 --measured 2026-03-01 --out visit.h5
     """
     from skinlab.curves.curve import Setup
     from skinlab.curves.program import Program, parse_program
@@ -131,6 +133,7 @@ def command(
         Remembered(default_path(), ask_again=ask_again),
     )
     good: list[Imported] = []
+    seen: dict[str, Path] = {}  # by the hash of their bytes
     entries: list[dict[str, Any]] = []
     for path, setup in zip(files, setups, strict=True):
         reading = path
@@ -142,11 +145,16 @@ def command(
             entry["error"] = str(error)
             echo(f"skinlab: {error}", err=True)
             continue
+        if (before := seen.setdefault(imported.sha256, path)) is not path:
+            same = "twice" if before == path else f"also as {before}"
+            entry["error"] = f"{path}: the same readings are given {same}; expected each curve once"
+            echo(f"skinlab: {entry['error']}", err=True)
+            continue
         good.append(imported)
         entry.update(points=len(imported.curve), understood=list(imported.understood))
         echo(f"{path}: {'; '.join(imported.understood)}", err=True)
     if good:
-        made = imported_session(good, [None] * len(good), None, who)
+        made = imported_session(good, [None] * len(good), None, who, measured)
         write_session(out, made)
     if as_json:
         session = str(out) if good else None

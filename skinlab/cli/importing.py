@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from datetime import UTC, datetime
 from typing import Any, TypeVar
 
 import click
@@ -34,8 +35,22 @@ _CHOICES = {
 }
 
 
-def form_options() -> Callable[[F], F]:
-    """Return a decorator that adds the options; `stated` takes their values."""
+def _measured(_: click.Context, param: click.Parameter, text: str | None) -> str:
+    """Return when curves were measured as a session keeps it; "" where it is not stated."""
+    from skinlab.errors import InputError
+    from skinlab.exchange.importing.measured import stated_time
+
+    try:
+        return "" if text is None else stated_time(text, datetime.now(UTC))
+    except InputError as error:
+        raise click.BadParameter(str(error), param=param) from None
+
+
+def form_options(unmeasured: str) -> Callable[[F], F]:
+    """Return a decorator that adds the options; `stated` takes the values of those of the form.
+
+    `unmeasured` is what holds without --measured.
+    """
 
     def apply(function: F) -> F:
         for name in reversed(_HELP):
@@ -45,6 +60,12 @@ def form_options() -> Callable[[F], F]:
             function = click.option(f"--{name}", type=kind, metavar=shown, help=_HELP[name])(
                 function
             )
+        function = click.option(
+            "--measured",
+            callback=_measured,
+            metavar="DAY[THH:MM]",
+            help=f"Day of the measurement, or day and local time  [default: {unmeasured}].",
+        )(function)
         function = click.option("--site", default="", help="Where on the body.")(function)
         return click.option("--subject", default="", help="Pseudonym; never a name.")(function)
 

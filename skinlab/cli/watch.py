@@ -28,7 +28,7 @@ from skinlab.cli.output import echo, echo_text, print_json
     "--placement",
     help="A name for this putting-on of the probe  [default: a curve of cycle 1 begins one].",
 )
-@form_options()
+@form_options("when the first file landed")
 @click.option(
     "--settle-s", default=1.0, show_default=True, help="How long a file must be unchanged."
 )
@@ -46,6 +46,7 @@ def command(
     placement: str | None,
     subject: str,
     site: str,
+    measured: str,
     settle_s: float,
     out: Path | None,
     as_json: bool,
@@ -57,6 +58,9 @@ def command(
     holds all curves, and --json prints one document. Nobody may be there to be asked: what a file
     leaves open comes from an option, or from an answer that `import` kept for files with the same
     headings.
+
+    The session was measured when the first file landed, or when --measured says. A file that was
+    in FOLDER before may be of any day: without --measured the session then has none.
 
     \b
     Example: skinlab watch exports --aperture-mm 6 --thickness-mm 1 --program ramp:100@20
@@ -95,7 +99,7 @@ def command(
     out = out or new_session_path(Path(), datetime.now())
     who = Who(subject, site)
     check_new(out)
-    watcher = Watch(out, setup, answers, identifier, who)
+    watcher = Watch(out, setup, answers, identifier, who, measured)
 
     def trouble(sentence: str) -> None:
         echo(f"skinlab: {sentence}", err=True)
@@ -105,6 +109,11 @@ def command(
             trouble(str(landed.result.error))
             return
         echo(f"{landed.path}: {'; '.join(landed.imported.understood)}", err=True)
+        if landed.lay_there and not measured:
+            trouble(
+                f"{landed.path}: was there before; the session states no day of the measurement "
+                "(--measured does)"
+            )
         if landed.result.error is not None:
             trouble(landed.result.error)
         elif not as_json:

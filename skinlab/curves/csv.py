@@ -23,6 +23,8 @@ from skinlab.text import counted
 
 COLUMNS = ("time_s", "pressure_mbar", "deflection_mm")
 SEGMENT = "segment"
+IMPORT = "`skinlab import` makes a session of what other software exported"
+_COMMA = f"; is the decimal sign a comma? Use a point; {IMPORT}"
 _LARGEST = {"time_s": 1e9, "pressure_mbar": 1e4, "deflection_mm": 100.0}  # beyond, no reading
 
 
@@ -39,7 +41,7 @@ def read_curve(path: Path, setup: Setup) -> Curve:
         content = read_whole(path)
         text = content.decode("utf-8-sig")
     except UnicodeDecodeError:
-        raise InputError(f"{path}: not UTF-8 text; expected a curve CSV") from None
+        raise InputError(f"{path}: not UTF-8 text; expected a curve CSV; {IMPORT}") from None
     except OSError as error:
         raise InputError(f"{path}: {error.strerror or error}") from None
     try:
@@ -72,7 +74,7 @@ def _rows(path: Path, text: str) -> tuple[list[tuple[float, ...]], list[str]]:
     if missing:
         raise InputError(
             f"{path}: line 1: missing column {', '.join(missing)}; "
-            f"expected the header {','.join(COLUMNS)}{_separator_hint(header)}"
+            f"expected the header {','.join(COLUMNS)}{_separator_hint(header)}; {IMPORT}"
         )
     twice = [name for name in COLUMNS if header.count(name) > 1]
     if twice:
@@ -89,7 +91,7 @@ def _rows(path: Path, text: str) -> tuple[list[tuple[float, ...]], list[str]]:
         if not any(field.strip() for field in fields):
             continue
         if len(fields) != len(header):
-            hint = "; is the decimal sign a comma? Use a point" if len(fields) > len(header) else ""
+            hint = _COMMA if len(fields) > len(header) else ""
             raise InputError(
                 f"{path}: line {line}: {len(fields)} fields, expected {len(header)}{hint}"
             )
@@ -111,7 +113,7 @@ def _number(path: Path, line: int, name: str, text: str) -> float:
     try:
         value = float(text)
     except ValueError:
-        hint = "; is the decimal sign a comma? Use a point" if "," in text else ""
+        hint = _COMMA if "," in text else ""
         raise InputError(
             f"{path}: line {line}: {name} is {text.strip()!r}, expected a number{hint}"
         ) from None

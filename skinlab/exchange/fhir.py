@@ -22,7 +22,7 @@ from skinlab.errors import InputError
 from skinlab.exchange.codes import CODES, INTERVAL, SYSTEM, UCUM, unit_of, words_of
 from skinlab.mechanics.materials.base import KAPPA, NU_CONSISTENT
 from skinlab.recording.audit import entries
-from skinlab.recording.session import Session, content_hash
+from skinlab.recording.session import Session, content_hash, measured_utc
 from skinlab.text import json_text
 
 Array = NDArray[np.float64]
@@ -134,8 +134,8 @@ def _observation(
         }
     if meta.get("site"):
         observation["bodySite"] = {"text": str(meta["site"])}
-    if meta.get("created_utc"):
-        observation["effectiveDateTime"] = str(meta["created_utc"])
+    if measured := measured_utc(meta):
+        observation["effectiveDateTime"] = measured
     who = next((e.who for e in entries(session.records)), None)
     if who:
         observation["performer"] = [

@@ -11,7 +11,7 @@ from typing import Any
 
 from skinlab.exchange.codes import unit_of
 from skinlab.inference.identify import Identifier
-from skinlab.recording.session import Session
+from skinlab.recording.session import Session, measured_utc
 from skinlab.recording.stream import setup_to_json
 from skinlab.text import json_text
 
@@ -124,7 +124,7 @@ def to_parameters(session: Session, identifier: Identifier) -> dict[str, str]:
             {
                 "subject": meta.get("subject") or None,
                 "site": meta.get("site") or None,
-                "measured_utc": meta.get("created_utc"),
+                "measured_utc": measured_utc(meta) or None,
                 "curve": curve.name,
                 "setup": setup_to_json(curve.setup),
                 "law": identifier.database.law,

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 from skinlab.curves.campaign import Campaign, read_campaign
-from skinlab.curves.csv import read_curve
+from skinlab.curves.csv import IMPORT, read_curve
 from skinlab.curves.curve import Curve, Setup
 from skinlab.curves.distinct import check_distinct
 from skinlab.errors import InputError
+
+SESSIONS = frozenset({".h5", ".hdf5"})  # endings of their names
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,7 +45,7 @@ def read_input(path: Path, setup: Setup | None) -> Input:
         campaign = read_campaign(path)
         noise = campaign.noise_um, campaign.pressure_noise_mbar
         return Input(campaign.curves, *noise, campaign.placement_scatter)
-    if suffix in (".h5", ".hdf5"):
+    if suffix in SESSIONS:
         from skinlab.recording.session import read_session
 
         curves = read_session(path).curves
@@ -51,9 +54,16 @@ def read_input(path: Path, setup: Setup | None) -> Input:
         )
         return Input(named, measured_here=True)
     raise InputError(
-        f"{path}: expected a curve (.csv), a session (.h5) or a campaign (.toml); "
-        "`skinlab import` takes what other software exports"
+        f"{path}: expected a curve (.csv), a session (.h5) or a campaign (.toml); {IMPORT}"
     )
+
+
+def import_advice(paths: Iterable[Path]) -> str:
+    """Return what to do with the first of these that only `skinlab import` reads; "" for none."""
+    ours = {".csv", ".toml", *SESSIONS}
+    foreign = (p for p in paths if p.suffix.lower() not in ours and p.is_file())
+    first = next(foreign, None)
+    return "" if first is None else f"; {first} is none of these: {IMPORT}"
 
 
 def read_campaign_or_session(path: Path) -> tuple[Campaign, list[Path]]:
@@ -74,7 +84,7 @@ def read_campaign_or_session(path: Path) -> tuple[Campaign, list[Path]]:
         )
         check_distinct(named)
         return replace(campaign, curves=named), [path, *(path.parent / c.name for c in named)]
-    if suffix in (".h5", ".hdf5"):
+    if suffix in SESSIONS:
         given = read_input(path, None)
         check_distinct(given.curves)
         return Campaign(path.stem, None, None, given.curves), [path]

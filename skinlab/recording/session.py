@@ -222,6 +222,7 @@ class _Meta(msgspec.Struct):
     """Types of what every reader of a session counts on."""
 
     created_utc: str = ""
+    measured_utc: str = ""
     skinlab_version: str = ""
     subject: str = ""
     site: str = ""
@@ -247,6 +248,16 @@ class Stored:
     def unchanged(self) -> bool:
         """Whether the content has the hash that it was written with."""
         return content_hash(self.session) == self.content_hash
+
+
+def measured_utc(meta: Mapping[str, Any]) -> str:
+    """Return when a session was measured: UTC, or a day alone, in ISO 8601; "" where nobody said.
+
+    The one place that says it. An imported session was created when its files were read, and that
+    may be years later.
+    """
+    name = "created_utc" if meta.get("imported") is None else "measured_utc"
+    return str(meta.get(name) or "")
 
 
 def example_session() -> Path:

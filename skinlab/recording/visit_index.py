@@ -19,13 +19,14 @@ import numpy as np
 
 from skinlab.errors import SkinlabError
 from skinlab.io.sqlite import check_only_tables
-from skinlab.recording.session import read_session
+from skinlab.recording.session import measured_utc, read_session
 
 NAME = ".visits.sqlite"  # in the folder of the sessions
-_SCHEMA = 1
+_SCHEMA = 2
+_DAY = len("2026-03-01")
 _COLUMNS = (
-    "file", "mtime_ns", "size", "created_utc", "subject", "site", "simulated", "curves", "alike",
-    "parameters", "problem",
+    "file", "mtime_ns", "size", "measured_utc", "created_utc", "subject", "site", "simulated",
+    "curves", "alike", "parameters", "problem",
 )  # fmt: skip
 # What an index that is only a cache may raise where somebody or something changed it
 _DAMAGED = (sqlite3.Error, ValueError, TypeError, OverflowError, RecursionError)
@@ -36,6 +37,7 @@ class VisitRow:
     """One session: whose, when, and what its whole first loadings gave (median of the curves)."""
 
     file: str
+    measured_utc: str  # "": it was imported, and nobody said
     created_utc: str
     subject: str
     site: str
@@ -83,7 +85,7 @@ def _listed(
             database.execute(f"REPLACE INTO visits VALUES ({marks})", row)
         found.append(_row(row))
     database.commit()
-    return sorted(found, key=lambda v: (v.created_utc, v.file), reverse=True)
+    return sorted(found, key=lambda v: (v.measured_utc, v.file), reverse=True)
 
 
 def visit_before(
@@ -96,13 +98,14 @@ def visit_before(
 ) -> Path | None:
     """Return the last other session of this subject and site; None: there is none.
 
-    `session` is the present one, which may be in the folder already.
+    `session` is the present one, which may be in the folder already. What nobody says the day of
+    is before nothing, and nothing is before it.
     """
     if whose is None or not whose[0]:
         return None  # nobody knows whose it is
     present = None if session is None else session.name
     rows = visits(folder, keep=keep)
-    now = next((row.created_utc for row in rows if row.file == present), None)
+    now = next((row.measured_utc for row in rows if row.file == present), None)
     same = (
         row
         for row in rows
@@ -110,10 +113,18 @@ def visit_before(
         and row.simulated == simulated
         and row.file != present
         and row.parameters
-        and (now is None or row.created_utc < now)
+        and row.measured_utc
+        and (now is None or _earlier(row.measured_utc, now))
     )
     found = next(same, None)
     return None if found is None else folder / found.file
+
+
+def _earlier(one: str, other: str) -> bool:
+    """Return whether a visit was before another; of one day, a day alone does not tell."""
+    if _DAY in (len(one), len(other)):
+        one, other = one[:_DAY], other[:_DAY]
+    return one < other
 
 
 def _anew(path: Path) -> sqlite3.Connection:
@@ -150,7 +161,7 @@ def _read(path: Path) -> tuple[Any, ...]:
     try:
         session = read_session(path)
     except SkinlabError as error:
-        return ("", "", "", 0, 0, "[]", "{}", str(error))
+        return ("", "", "", "", 0, 0, "[]", "{}", str(error))
     meta = session.meta
     instrument = meta.get("instrument")
     simulated = isinstance(instrument, dict) and bool(instrument.get("simulated"))
@@ -169,6 +180,7 @@ def _read(path: Path) -> tuple[Any, ...]:
         if all(isinstance(x, int | float) for of in ends for x in of):
             parameters[name] = [float(np.median(of)) for of in ends]
     return (
+        measured_utc(meta),
         str(meta.get("created_utc") or ""),
         str(meta.get("subject") or ""),
         str(meta.get("site") or ""),
@@ -181,8 +193,11 @@ def _read(path: Path) -> tuple[Any, ...]:
 
 
 def _row(row: tuple[Any, ...]) -> VisitRow:
-    file, _, _, created, subject, site, simulated, curves, alike, parameters, problem = row
+    file, _, _, measured, created, *whose, simulated, curves, alike, parameters, problem = row
     values = msgspec.json.decode(parameters, type=dict[str, tuple[float, float, float]])
-    whose = (str(created), str(subject), str(site), bool(simulated), int(curves))
+    subject, site = map(str, whose)
     same = msgspec.json.decode(alike, type=tuple[str, ...])
-    return VisitRow(str(file), *whose, same, values, str(problem))
+    return VisitRow(
+        str(file), str(measured), str(created), subject, site, bool(simulated), int(curves),
+        same, values, str(problem),
+    )  # fmt: skip

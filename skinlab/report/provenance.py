@@ -11,7 +11,7 @@ from skinlab.report.page import Section, Table
 from skinlab.versions import versions
 
 _TOLD = {  # facts of a session that have a place of their own
-    "created_utc", "skinlab_version", "versions", "subject", "site", "instrument",
+    "created_utc", "measured_utc", "skinlab_version", "versions", "subject", "site", "instrument",
     "identification", "imported", "dialect", "control",
 }  # fmt: skip
 
@@ -37,7 +37,9 @@ def provenance_section(session: Session, identifier: Identifier | str) -> Sectio
         for key, value in _items(meta.get(name))
         if key != "toml"  # a whole file; its hash tells it
     ]
-    facts += [(key, _fact(value)) for key, value in meta.items() if key not in _TOLD]
+    # The page's head has when it was measured; when it was imported is said here
+    told = _TOLD if imported is None else _TOLD - {"created_utc"}
+    facts += [(key, _fact(value)) for key, value in meta.items() if key not in told]
     if facts:
         tables.append(Table(("recorded", "value"), facts))
     return Section("Versions and hashes", (_WORDS,), tables)

@@ -9,7 +9,7 @@ from functools import cached_property
 from typing import Literal
 
 from skinlab.inference.identify import Identifier
-from skinlab.recording.session import Session
+from skinlab.recording.session import Session, measured_utc
 from skinlab.report.curve_section import curve_section, overview_table
 from skinlab.report.drawings import (
     Drawing,
@@ -113,8 +113,11 @@ class SessionReport:
         about = [f"Subject {meta['subject']}"] if meta.get("subject") else []
         if meta.get("site"):
             about.append(str(meta["site"]))
-        if meta.get("created_utc"):
-            about.append(_day_and_minute(str(meta["created_utc"])))
+        if measured := measured_utc(meta):
+            about.append(_day_and_minute(measured))
+        elif meta.get("created_utc"):
+            imported = _day_and_minute(str(meta["created_utc"]))
+            about.append(f"imported {imported}; nobody stated when it was measured")
         return page(
             "Skin measurement report",
             [

@@ -10,7 +10,7 @@ from skinlab.mechanics.names import plain
 from skinlab.recording.audit import entries
 from skinlab.recording.clocks import ClockReading, clock_readings
 from skinlab.recording.dose import dose_of
-from skinlab.recording.session import Session
+from skinlab.recording.session import Session, measured_utc
 from skinlab.report.text import describe_dose
 from skinlab.text import counted, inert
 
@@ -38,6 +38,7 @@ def describe_session(path: Path, session: Session) -> str:
         if meta.get("control"):
             tell(f"  read-only: {meta['control']}")
     else:
+        tell(f"  measured {measured_utc(meta) or 'on a day that nobody stated'}")
         tell(
             f"  from {counted(len(imported), 'file')} of other software; "
             "no instrument was connected"

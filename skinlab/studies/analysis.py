@@ -9,15 +9,18 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass
+from pathlib import PurePath
 
 import numpy as np
 from numpy.typing import NDArray
 
 from skinlab.mechanics.names import is_logarithmic
+from skinlab.recording.load_inputs import SESSIONS
 from skinlab.studies.components import Components, components
 from skinlab.studies.design import WITHIN, Effect, effect
 from skinlab.studies.facts import LABELS
 from skinlab.studies.table import Cell, Columns
+from skinlab.text import counted
 
 Array = NDArray[np.float64]
 Row = dict[str, Cell]
@@ -106,23 +109,49 @@ def tells_nothing(table: Columns) -> NDArray[np.bool_]:
     return np.array([nothing <= set(said.split()) for said in flags], dtype=bool)
 
 
+def undated(table: Columns) -> NDArray[np.bool_]:
+    """Return of which rows (n,) nobody said the day: of sessions that were imported without it.
+
+    Each such session is a visit of its own, under its file's name: a session is one visit. It has
+    no place among the person's first, second and so on.
+    """
+    pairs = zip(table.text["file"].tolist(), table.text["visit"].tolist(), strict=True)
+    return np.array(
+        [file == visit and PurePath(file).suffix.lower() in SESSIONS for file, visit in pairs],
+        dtype=bool,
+    )
+
+
+def without_a_day(table: Columns) -> Iterator[str]:
+    """Yield how many sessions have no place in time, and what that means."""
+    files = np.unique(table.text["file"][undated(table)])
+    if files.size:
+        yield (
+            f"{counted(files.size, 'imported session')} without the day of the measurement: each "
+            "is a visit of its own, in no order with the others (`skinlab import --measured` "
+            "states the day)"
+        )
+
+
 def numbered(table: Columns) -> Columns:
     """Return the table with each person's days numbered, where visits are days, as sessions say.
 
     Else hardly two people have a visit in common, and no two visits could be held together.
     """
     subject, visit = table.text["subject"], table.text["visit"]
+    rows = list(zip(subject.tolist(), visit.tolist(), undated(table).tolist(), strict=True))
     days: dict[str, set[str]] = {}
-    for who, day in zip(subject.tolist(), visit.tolist(), strict=True):
+    for who, day, without in rows:
+        if without:
+            continue
         if not _DAY.fullmatch(day):
             return table
         days.setdefault(who, set()).add(day)
     number = {
         (who, day): str(k) for who, own in days.items() for k, day in enumerate(sorted(own), 1)
     }
-    pairs = zip(subject.tolist(), visit.tolist(), strict=True)
-    numbers = np.array([number[pair] for pair in pairs], dtype=str)
-    return Columns({**table.text, "visit": numbers}, table.names)
+    numbers = [day if without else number[who, day] for who, day, without in rows]
+    return Columns({**table.text, "visit": np.array(numbers, dtype=str)}, table.names)
 
 
 def conditions(table: Columns) -> Iterator[tuple[str, Columns]]:

@@ -33,6 +33,7 @@ from skinlab.mechanics.effects import get_effect
 from skinlab.mechanics.fem.suction import SOLVER_VERSION
 from skinlab.mechanics.model_file import BASE, Model
 from skinlab.mechanics.names import effect_words
+from skinlab.recording.load_inputs import SESSIONS
 from skinlab.report.page import Illustration, Section, Table
 from skinlab.report.pictures import style, to_data_uri
 from skinlab.studies.compute import curves_of
@@ -41,7 +42,6 @@ from skinlab.studies.facts import Facts
 from skinlab.studies.plots import draw_pooled
 from skinlab.studies.run import How
 from skinlab.studies.settings import POOLS
-from skinlab.studies.sources import SESSIONS
 from skinlab.studies.state import State
 from skinlab.studies.table import Cell, held
 from skinlab.tables.base import Database

@@ -9,7 +9,7 @@ from pathlib import Path
 from skinlab.errors import InputError
 from skinlab.inference.identify import Identifier
 from skinlab.mechanics.names import heading
-from skinlab.recording.session import Session, read_session
+from skinlab.recording.session import Session, measured_utc, read_session
 from skinlab.recording.session_fit import comparable, excluded_of, fit_curves
 from skinlab.report.page import Section, Table
 from skinlab.studies.change import WORDS, Changed, Changes, changes, condition, side_of
@@ -24,7 +24,7 @@ class Since:
     """
 
     before: Path
-    begun_utc: str  # the earlier one
+    measured_utc: str  # the earlier one; "" where nobody said
     found: Changes
     conditions: frozenset[tuple[float, str]]
     control: tuple[Path, Path] | None = None
@@ -65,8 +65,7 @@ def since(
         sides.append(side_of(session, fit_curves(identifier, path.name, alike), shared))
     beside = (sides[2], sides[3]) if control else None
     found = changes(sides[0], sides[1], study=study, control=beside)
-    begun = str(sessions[0].meta.get("created_utc") or "")
-    return Since(before, begun, found, shared, control, notes)
+    return Since(before, measured_utc(sessions[0].meta), found, shared, control, notes)
 
 
 def read_compared(
@@ -89,10 +88,10 @@ def section(compared: Since | str) -> Section:
         return Section("Changed?", (f"Not compared: {compared}.",))
     found = compared.found
     alike = "; ".join(f"{a:g} mm, {p or 'no program'}" for a, p in sorted(compared.conditions))
+    day = compared.measured_utc[:10] or "an unknown day"
     sentences = [
         *compared.notes,
-        f"Compared with {compared.before.name} of {compared.begun_utc[:10] or 'an unknown day'}, "
-        f"by what both measured alike ({alike}).",
+        f"Compared with {compared.before.name} of {day}, by what both measured alike ({alike}).",
     ]
     if compared.control is not None:
         names = " and ".join(path.name for path in compared.control)

@@ -21,12 +21,13 @@ from skinlab.inference.identify import Identifier
 from skinlab.inference.result import Identification
 from skinlab.io.log import log_exception
 from skinlab.recording.audit import entries
-from skinlab.recording.session import Session, read_session
+from skinlab.recording.load_inputs import SESSIONS
+from skinlab.recording.session import Session, measured_utc, read_session
 from skinlab.recording.stream import setup_to_json
 from skinlab.studies.copies import readings_hash
 from skinlab.studies.facts import Facts, setup_of
 from skinlab.studies.settings import PRIORS
-from skinlab.studies.sources import SESSIONS, sha256_of
+from skinlab.studies.sources import sha256_of
 
 Array = NDArray[np.float64]
 
@@ -120,7 +121,7 @@ def labels_of(session: Session) -> dict[str, Any]:
     known = {
         "subject": meta.get("subject"),
         "site": meta.get("site"),
-        "visit": str(meta.get("created_utc") or "")[:10],  # the day
+        "visit": measured_utc(meta)[:10],  # the day
         "operator": who,
         "probe": instrument.get("serial_number") if isinstance(instrument, dict) else None,
     }

@@ -8,6 +8,7 @@ from dataclasses import asdict, dataclass
 from itertools import combinations, islice
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.stats import linregress
 from scipy.stats import t as t_distribution
 
@@ -23,7 +24,9 @@ from skinlab.studies.analysis import (
     conditions,
     main_scale,
     numbered,
+    undated,
     usable,
+    without_a_day,
 )
 from skinlab.studies.components import interval
 from skinlab.studies.design import WITHIN
@@ -61,7 +64,7 @@ def reliability(table: Columns, seed: int = 0) -> Reliability:
     pairs: list[Row] = []
     trends: list[Row] = []
     tables: list[Row] = []
-    notes: dict[str, None] = {}
+    notes = dict.fromkeys(without_a_day(kept))
     for condition, rows in conditions(kept):
         notes |= dict.fromkeys(_limits(condition, rows))
         for quantity in kept.quantities:
@@ -100,7 +103,7 @@ def _limits(condition: str, table: Columns) -> Iterator[str]:
     if condition.endswith(NOT_STATED):
         yield f"{condition}: curves of different programs, if there are any, are taken as one"
     for facet in _AGAIN:
-        count = math.comb(len(np.unique(table.text[facet])), 2)
+        count = math.comb(len(np.unique(table.text[facet][_compared(table, facet)])), 2)
         if count > COMPONENTS.most_pairs:
             shown = f"the first {COMPONENTS.most_pairs} of {count} pairs of {facet}s"
             yield f"{condition}: agreement of {shown}"
@@ -248,10 +251,20 @@ _AGAIN: Mapping[str, tuple[str, ...]] = {
 }
 
 
+def _compared(table: Columns, facet: str) -> NDArray[np.bool_]:
+    """Return the rows (n,) that have a level of a facet in common with others.
+
+    A visit of which nobody said the day is nobody's first or second.
+    """
+    return ~undated(table) if facet == "visit" else np.ones(len(table), dtype=bool)
+
+
 def _cells(
     table: Columns, y: Array, facet: str
 ) -> dict[tuple[str, ...], dict[str, tuple[float, int]]]:
     """Return the mean of each target by the facet's levels, with the number of curves."""
+    there = _compared(table, facet)
+    table, y = table.where(there), y[there]
     names = _AGAIN[facet]
     keys = list(zip(*(table.text[n].tolist() for n in names), strict=True))
     sums: dict[tuple[str, ...], dict[str, tuple[float, int]]] = {}
@@ -265,7 +278,7 @@ def _cells(
 def _from_tables(one: Analysis, table: Columns, y: Array) -> Iterator[Row]:
     """Yield the intraclass correlations of complete two-way tables, as publications have them."""
     for facet in _AGAIN:
-        levels = _ordered(np.unique(table.text[facet]).tolist())
+        levels = _levels(table, facet)
         if not 2 <= len(levels) <= 20:
             continue
         cells = _cells(table, y, facet)
@@ -299,7 +312,7 @@ def _from_tables(one: Analysis, table: Columns, y: Array) -> Iterator[Row]:
 
 def _agreements(one: Analysis, table: Columns, y: Array) -> Iterator[tuple[Row, list[Row]]]:
     for facet in _AGAIN:
-        levels = _ordered(np.unique(table.text[facet]).tolist())
+        levels = _levels(table, facet)
         if len(levels) < 2:
             continue
         cells = _cells(table, y, facet)
@@ -318,6 +331,10 @@ def _agreements(one: Analysis, table: Columns, y: Array) -> Iterator[tuple[Row, 
                 for t, m, d in zip(targets, (a + b) / 2, b - a, strict=True)
             ]
             yield {**key, **asdict(found), "level": COMPONENTS.published_level}, pairs
+
+
+def _levels(table: Columns, facet: str) -> list[str]:
+    return _ordered(np.unique(table.text[facet][_compared(table, facet)]).tolist())
 
 
 def _ordered(levels: Sequence[str]) -> list[str]:
@@ -344,12 +361,16 @@ def _trends(one: Analysis, table: Columns, y: Array) -> Iterator[Row]:
         there = np.isfinite(by_person)
         if there.sum() >= 5 and np.ptp(by_person[there]) > 0:
             yield _slope(one, name, by_person[there], means[there], int(there.sum()) - 2)
-    visits = _ordered(np.unique(table.text["visit"]).tolist())
+    there = _compared(table, "visit")
+    table, y = table.where(there), y[there]
+    visits = _levels(table, "visit")
     if len(visits) > 1:
         order = {visit: k for k, visit in enumerate(visits)}
         x = np.array([order[v] for v in table.text["visit"].tolist()], dtype=float)
+        subjects, at = np.unique(table.text["subject"], return_inverse=True)
+        counts = np.bincount(at)
         within_x = x - (np.bincount(at, x) / counts)[at]
-        within_y = y - means[at]
+        within_y = y - (np.bincount(at, y) / counts)[at]
         freedom = len(y) - len(subjects) - 1
         if freedom >= 3 and np.ptp(within_x) > 0:
             yield _slope(one, "visit (in order)", within_x, within_y, freedom)

@@ -14,11 +14,11 @@ from typing import Any
 
 from skinlab.errors import InputError
 from skinlab.inference.identify import Identifier
+from skinlab.recording.load_inputs import SESSIONS
 from skinlab.recording.recorder import identification_settings
 from skinlab.studies.compute import Computed, Task, compute
 from skinlab.studies.facts import NOISE, SETUP, pseudonym
 from skinlab.studies.sources import (
-    SESSIONS,
     Plan,
     Source,
     Table,
@@ -29,6 +29,7 @@ from skinlab.studies.state import State
 from skinlab.versions import __version__
 from skinlab.workers import on_cluster, on_processes
 
+_VISIT = "day of the measurement"  # what a session's visit is: rows that say another are redone
 _BATCH = 8  # files a task: a second of work, lost at most when a process is killed
 
 Progress = Callable[[int, int], None]
@@ -106,7 +107,7 @@ def _scan(state: State, plan: Plan, settings: str) -> None:
 
 def _wanted(source: Source, settings: str) -> str:
     """Return a hash of all that the rows of this file depend on: labels are not among it."""
-    used: dict[str, Any] = {}
+    used: dict[str, Any] = {"visit": _VISIT}
     if source.path.suffix.lower() not in SESSIONS:
         used = {k: v for k, v in source.facts.items() if k in (*SETUP, *NOISE)}
     said = json.dumps([sha256_of(source.path), used, settings, source.path.name], sort_keys=True)

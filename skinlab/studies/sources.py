@@ -29,10 +29,10 @@ from skinlab.exchange.importing.folder import SUFFIXES
 from skinlab.io.documents import read_toml
 from skinlab.io.files import file_hash, real_path
 from skinlab.mechanics.names import parameter_of
+from skinlab.recording.load_inputs import SESSIONS
 from skinlab.studies.facts import LABELS, NOISE, SETUP, Facts, checked
 from skinlab.studies.path_layout import PathLayout, pairs_of
 
-SESSIONS = frozenset({".h5", ".hdf5"})
 _TEXTS = frozenset({"file", "program", *LABELS})
 _MEANT = frozenset({"time_s", *_TEXTS, *SETUP, *NOISE})
 _DECIMAL_COMMA = re.compile(r"[+-]?[0-9]+,[0-9]+")

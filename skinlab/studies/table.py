@@ -24,6 +24,7 @@ from skinlab.inference.identify import Identifier
 from skinlab.io.documents import text_of
 from skinlab.io.files import whole_file, whole_text
 from skinlab.mechanics.materials import get_law
+from skinlab.recording.load_inputs import SESSIONS
 from skinlab.recording.recorder import identification_settings
 from skinlab.studies.copies import Held, copies_of
 from skinlab.studies.facts import LABELS, SETUP, pseudonym
@@ -172,6 +173,8 @@ def _row(
     row["file"], row["curve"], row["sha256"] = stored.source, said["curve"], stored.sha256
     for name in LABELS:
         row[name] = known.get(name)
+    if not row["visit"] and Path(stored.source).suffix.lower() in SESSIONS:
+        row["visit"] = stored.source  # see `analysis.undated`
     if row["subject"]:
         row["subject"] = pseudonym(str(row["subject"]))
     row |= said["setup"]

@@ -21,7 +21,7 @@ from skinlab.inference.identify import Identifier
 from skinlab.inference.population import PriorFile
 from skinlab.io.files import write_file
 from skinlab.report.pictures import NO_PICTURES, have_pictures
-from skinlab.studies.analysis import FACETS
+from skinlab.studies.analysis import FACETS, usable, without_a_day
 from skinlab.studies.campaigns import Evidence, Shared, evidence, explain_all, section
 from skinlab.studies.labels import doubtful_labels
 from skinlab.studies.population import Posterior, learn, to_toml
@@ -195,6 +195,7 @@ def _write(
     notices = [] if (out / "curves.parquet").exists() else [NO_PARQUET]
     write_csv(out / "failures.csv", ("file", "reason"), failures)
     files = ["curves.csv", "curves.parquet", "failures.csv"]
+    notices += without_a_day(usable(table))
     found = reliability(table, identifier.seed)
     files += _write_tables(out, table, found, failures, effects)
     if not have_pictures():

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from skinlab.errors import InputError
 from skinlab.io.files import file_hash
-from skinlab.recording.session import Session
+from skinlab.recording.session import Session, measured_utc
 
 
 @dataclass(frozen=True)
@@ -20,7 +20,7 @@ class Whose:
     site: str = ""
     simulated: bool = False
     file_hash: str = ""  # of its bytes: a session may be there under two names
-    measured_utc: str = ""  # empty of imported curves: the session is younger than they are
+    measured_utc: str = ""
 
 
 def whose(path: Path, session: Session) -> Whose:
@@ -34,7 +34,7 @@ def whose(path: Path, session: Session) -> Whose:
         str(meta.get("site") or "").strip(),
         bool(hello.get("simulated")),
         file_hash(path),
-        str(meta.get("created_utc") or "") if hello else "",
+        measured_utc(meta),
     )
 
 
@@ -86,7 +86,9 @@ def check_whose(
         simulated = ", ".join(one.file for one in every if one.simulated)
         notes.append(f"Of a simulated skin, unlike the others: {simulated}.")
     for first, last in ((before, after), *([control] if control else [])):
-        if first.measured_utc and last.measured_utc and first.measured_utc > last.measured_utc:
+        # A day may be stated without the time.
+        known = min(len(first.measured_utc), len(last.measured_utc))
+        if first.measured_utc[:known] > last.measured_utc[:known]:
             notes.append(f"{first.file} was measured after {last.file}: signs are the other way.")
     return tuple(notes)
 

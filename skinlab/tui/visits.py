@@ -19,20 +19,24 @@ if TYPE_CHECKING:
     from skinlab.studies.change import Changes
 
 ORDERS: tuple[tuple[str, Callable[[VisitRow], tuple[str, ...]], bool], ...] = (
-    ("latest first", lambda v: (v.created_utc, v.file), True),
-    ("by subject and site", lambda v: (v.subject, v.site, v.created_utc), False),
-    ("by site", lambda v: (v.site, v.subject, v.created_utc), False),
+    ("latest first", lambda v: (v.measured_utc, v.file), True),
+    ("by subject and site", lambda v: (v.subject, v.site, v.measured_utc), False),
+    ("by site", lambda v: (v.site, v.subject, v.measured_utc), False),
 )
 TITLES = ("when", "subject", "site", "curves", "X1 MPa", "measured", "file")
-_WHEN = 16
+_WHEN, _DAY = 16, 10  # characters of day and minute, of the day
 
 
 def when(row: VisitRow) -> str:
-    """Return day and minute in local time."""
+    """Return day and minute in local time; a day alone, or that it was imported, as it is."""
+    if not row.measured_utc:
+        return f"imported {row.created_utc[:_DAY]}" if row.created_utc else ""
+    if len(row.measured_utc) == _DAY:
+        return row.measured_utc
     try:
-        return f"{datetime.fromisoformat(row.created_utc).astimezone():%Y-%m-%d %H:%M}"
+        return f"{datetime.fromisoformat(row.measured_utc).astimezone():%Y-%m-%d %H:%M}"
     except ValueError:
-        return row.created_utc[:_WHEN]
+        return row.measured_utc[:_WHEN]
 
 
 def cells(row: VisitRow) -> tuple[str, ...]:
@@ -54,7 +58,10 @@ def found(rows: Iterable[VisitRow], text: str) -> list[VisitRow]:
 
 
 def series(rows: Iterable[VisitRow], of: VisitRow) -> list[VisitRow]:
-    """Return the visits of the same subject and site that can be compared, the oldest first."""
+    """Return the visits of the same subject and site that can be compared, the oldest first.
+
+    Those that nobody says the day of come last: they have no place over time.
+    """
     same = [
         row
         for row in rows
@@ -62,21 +69,31 @@ def series(rows: Iterable[VisitRow], of: VisitRow) -> list[VisitRow]:
         == (of.subject, of.site, of.simulated, of.alike)
         and row.parameters
     ]
-    return sorted(same, key=lambda v: (v.created_utc, v.file))
+    return sorted(same, key=lambda v: (not v.measured_utc, v.measured_utc, v.file))
+
+
+def dated(rows: Iterable[VisitRow]) -> list[VisitRow]:
+    """Return the visits that have a place over time."""
+    return [row for row in rows if row.measured_utc]
 
 
 def at_control(rows: Sequence[VisitRow], visit: VisitRow, site: str) -> VisitRow:
     """Return the visit of the same subject at a site that was left alone, on the same day.
 
     Raises:
-        InputError: there is none.
+        InputError: there is none, or nobody says on which day the visit was.
     """
-    day = visit.created_utc[:10]
+    day = visit.measured_utc[:_DAY]
+    if not day:
+        raise InputError(
+            f"{visit.file}: imported, and nobody said when it was measured: no control; k takes it "
+            "back"
+        )
     same = [
         row
         for row in rows
         if (row.subject, row.site, row.simulated) == (visit.subject, site, visit.simulated)
-        and row.created_utc[:10] == day
+        and row.measured_utc[:_DAY] == day
         and row.parameters
     ]
     if not same:
@@ -84,7 +101,7 @@ def at_control(rows: Sequence[VisitRow], visit: VisitRow, site: str) -> VisitRow
             f"{site or 'no site'} of {visit.subject or 'no subject'} was not measured on {day}: no "
             "control; k takes it back"
         )
-    return max(same, key=lambda row: row.created_utc)
+    return max(same, key=lambda row: row.measured_utc)
 
 
 def trend_lines(rows: Sequence[VisitRow], columns: int, changes: Changes | None) -> list[str]:
@@ -92,9 +109,20 @@ def trend_lines(rows: Sequence[VisitRow], columns: int, changes: Changes | None)
 
     That reach is drawn behind the bars (░), around the first visit's value.
     """
+    rows, without = dated(rows), len(rows) - len(dated(rows))
+    left_out = (
+        [
+            f"{counted(without, 'imported visit')} left out: no day of the measurement is stated "
+            "(skinlab import --measured)."
+        ]
+        if without
+        else []
+    )
     if len(rows) < 2:
-        return ["A trend needs two visits of the same subject and site, measured alike."]
-    lines = [f"{rows[0].subject or 'no subject'}, {rows[0].site}: {counted(len(rows), 'visit')}"]
+        needs = "A trend needs two visits of the same subject and site, measured alike."
+        return [needs, *left_out]
+    whose = f"{rows[0].subject or 'no subject'}, {rows[0].site}"
+    lines = [f"{whose}: {counted(len(rows), 'visit')}", *left_out]
     smallest = {} if changes is None else {c.name: c for c in changes.parameters}
     width = max(columns - _WHEN - 2, 8)
     for name in of_law(row.parameters for row in rows):
@@ -117,7 +145,7 @@ def trend_lines(rows: Sequence[VisitRow], columns: int, changes: Changes | None)
         lines.append(f"{'':{_WHEN + 2}}{ends[0]}{ends[1]:>{width - len(ends[0])}}")
         for row, value in values:
             bar = scaled_bar(value, low, high, width, behind, logarithmic=logarithmic)
-            lines.append(f"{when(row)}  {bar}")
+            lines.append(f"{when(row):{_WHEN}}  {bar}")
     if changes is not None:
         from skinlab.studies.change import in_words
 

@@ -17,7 +17,7 @@ from skinlab.errors import InputError
 from skinlab.inference.result import Advice, Value
 from skinlab.recording.pseudonym import check_site
 from skinlab.recording.session import example_session, read_session, write_session
-from skinlab.recording.visit_index import NAME, visits
+from skinlab.recording.visit_index import NAME, visit_before, visits
 from skinlab.report.rounding import half_width_percent
 from skinlab.studies.change import Changed
 from skinlab.tui.choices import PROGRAMS, SITES, body_map, nearest_site
@@ -33,7 +33,7 @@ from skinlab.tui.screens.session import SessionScreen
 from skinlab.tui.screens.visits import VisitsScreen
 from skinlab.tui.text import TIMELINE
 from skinlab.tui.themes import ORDER
-from skinlab.tui.visits import at_control, found, series, trend_lines
+from skinlab.tui.visits import at_control, found, series, trend_lines, when
 from skinlab.tui.widgets.hints import KeyHint
 
 # ---- visits ----------------------------------------
@@ -139,6 +139,48 @@ def test_a_control_that_was_not_measured_that_day_is_said(folder):
     rows = visits(folder)
     with pytest.raises(InputError, match=r"cheek of SIM-1 was not measured on 20\d\d"):
         at_control(rows, rows[0], "cheek")
+
+
+@pytest.fixture
+def imports(folder) -> Path:
+    """Two imported sessions more: one whose day is stated, before the others, one without."""
+    one = read_session(folder / "monday.h5")
+    for name, more in (("stated", {"measured_utc": "2020-03-01"}), ("open", {})):
+        meta = {n: v for n, v in one.meta.items() if n != "created_utc"}
+        meta |= {"created_utc": "2031-01-01T00:00:00+00:00", "imported": [], **more}
+        write_session(folder / f"{name}.h5", replace(one, meta=meta))
+    return folder
+
+
+def test_visits_stand_at_the_day_they_were_measured_not_imported(imports):
+    rows = {v.file: v for v in visits(imports)}
+    assert list(rows) == ["monday.h5", "friday.h5", "stated.h5", "open.h5", "bad.h5"]
+    assert when(rows["stated.h5"]) == "2020-03-01"
+    assert when(rows["open.h5"]) == "imported 2031-01-01"
+    same = series(rows.values(), rows["open.h5"])
+    assert [v.file for v in same] == ["stated.h5", "friday.h5", "monday.h5", "open.h5"]
+    text = trend_lines(same, 80, None)
+    assert text[0].endswith("3 visits")
+    assert text[1].startswith("1 imported visit left out: no day")
+    with pytest.raises(InputError, match=r"open\.h5: imported, and nobody said when"):
+        at_control(list(rows.values()), rows["open.h5"], "forearm")
+
+
+def test_what_nobody_says_the_day_of_is_before_and_after_nothing(imports):
+    row = next(v for v in visits(imports) if v.file == "open.h5")
+
+    def before(name):
+        whose = (row.subject, row.site)
+        found = visit_before(imports, whose, imports / name, simulated=row.simulated)
+        return None if found is None else found.name
+
+    assert before("monday.h5") == before("friday.h5") == "stated.h5"
+    assert before("open.h5") is None
+    assert before("stated.h5") is None
+    again = read_session(imports / "stated.h5")
+    meta = {**again.meta, "measured_utc": "2020-03-01T10:20:00+00:00"}
+    write_session(imports / "noon.h5", replace(again, meta=meta))
+    assert before("noon.h5") is None  # of one day, the day alone does not tell which was first
 
 
 # ---- pick-lists ----------------------------------------

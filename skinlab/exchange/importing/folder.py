@@ -25,6 +25,7 @@ class Arrival:
     path: Path
     data: bytes
     continues: bool  # a file of this name was taken before, and this one goes on where it ended
+    lay_there: bool = False  # as it is now since before the first look: nobody saw it land
 
 
 @dataclass
@@ -51,6 +52,7 @@ class Folder:
         self._seen: dict[str, _Seen] = {}
         self._done: set[_Signature] = set()
         self._taken: dict[str, _Taken] = {}
+        self._first: frozenset[_Signature] | None = None  # what lay there at the first look
 
     def poll(self, now_s: float) -> list[Arrival]:
         """Return the files that are complete now and were not taken, the oldest first.
@@ -59,6 +61,8 @@ class Folder:
             InputError: the folder cannot be read.
         """
         present = self._look()
+        if self._first is None:
+            self._first = frozenset(present.values())
         for name in self._seen.keys() - present.keys():
             del self._seen[name]
         arrived = []
@@ -98,7 +102,7 @@ class Folder:
             return None  # touched, and the same
         self._taken[name] = now
         continues = before is not None and before.sha256 == _sha256(data[: before.size])
-        return Arrival(path, data, continues)
+        return Arrival(path, data, continues, signature in (self._first or ()))
 
 
 def _wanted(name: str) -> bool:

@@ -64,9 +64,10 @@ def follow_program(curve: Curve, answers: Answers) -> tuple[Curve, list[str]]:
     since = curve.time_s - start_s
     interval = float(np.median(np.diff(curve.time_s)))
     inside = since <= program.duration_s + 1e-6 * interval
-    if int(inside.sum()) < SAMPLES.fewest:
+    running = int((inside & (since >= -1e-6 * interval)).sum())
+    if running < SAMPLES.fewest:
         raise InputError(
-            f"{counted(int(inside.sum()), 'sample')} while the program ran; "
+            f"{counted(running, 'sample')} while the program ran, which started at {start_s:g} s; "
             f"expected at least {SAMPLES.fewest}"
         )
     notes = [f"the pressure is computed from the program, which started at {start_s:g} s"]

@@ -19,6 +19,10 @@ class Question:
     choices: tuple[str, ...]  # what can be answered
 
 
+class OpenError(InputError):
+    """What a file leaves open, and nobody answered."""
+
+
 Ask = Callable[[Question], str]
 
 
@@ -60,7 +64,7 @@ class Answers:
         """Return the answer.
 
         Raises:
-            InputError: nobody can be asked.
+            OpenError: nobody can be asked.
         """
         key = (self._headings, question)
         if key in self._given:
@@ -72,12 +76,16 @@ class Answers:
         if self._ask is None:
             choices = " or ".join(shlex.quote(choice) for choice in question.choices)
             say = f"answer it with `{self._command}`, by" if self._command else "say with"
-            raise InputError(f"{question.text}; {say} --{question.option} {choices}")
+            raise OpenError(f"{question.text}; {say} --{question.option} {choices}")
         answer = self._ask(question)
         self._given[key] = answer
         if self._remembered is not None:
             self._remembered.keep(self._headings, question.option, answer)
         return answer
+
+    def unasked(self) -> Answers:
+        """Return the same without anybody who can be asked."""
+        return Answers(self._stated, remembered=self._remembered)
 
     def _from_before(self, question: Question) -> str | None:
         if self._remembered is None:

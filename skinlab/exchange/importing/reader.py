@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import hashlib
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -21,7 +22,7 @@ from skinlab.errors import InputError
 from skinlab.exchange.importing.columns import Channel, find_channels
 from skinlab.exchange.importing.decode import decode
 from skinlab.exchange.importing.pressure import beyond_any_program, follow_program, suction
-from skinlab.exchange.importing.questions import Answers, Question
+from skinlab.exchange.importing.questions import Answers, OpenError, Question
 from skinlab.exchange.importing.table import Table
 from skinlab.exchange.importing.text import table_from_text
 from skinlab.exchange.importing.units import Role, find_unit
@@ -127,6 +128,8 @@ def _import(path: Path, data: bytes, setup: Setup, answers: Answers) -> Imported
         table, form = table_from_text(text, answers)
         form = f"{encoding}, {form}"
     if len(table.lines) < SAMPLES.fewest:
+        with suppress(OpenError):  # a missing column is said first; nobody is asked for so few rows
+            find_channels(table, answers.unasked(), pressure=setup.program is None)
         raise InputError(
             f"{counted(len(table.lines), 'sample')}; expected at least {SAMPLES.fewest}"
         )

@@ -14,6 +14,7 @@ from skinlab.exchange.importing.reader import Imported
 from skinlab.inference.identify import Identifier
 from skinlab.inference.result import Identification
 from skinlab.recording.audit import Chain, note, operator
+from skinlab.recording.load_inputs import SESSIONS
 from skinlab.recording.pseudonym import check_site, check_subject
 from skinlab.recording.recorder import identification_settings
 from skinlab.recording.session import Session, write_session
@@ -45,14 +46,17 @@ def imported_session(
     results: Sequence[Identification | None],
     identifier: Identifier | None,
     who: Who,
+    measured: str = "",
 ) -> Session:
     """Return the session of these curves and of what was identified from them.
 
-    Without an identifier nothing was identified. The audit trail is one entry: who imported what.
+    Without an identifier nothing was identified. `measured` is when they were measured, as
+    `stated_time` returns it; "": nobody said. The audit trail is one entry: who imported what.
     """
     utc_s, host_time_s = who.now(), who.clock()
     meta: dict[str, Any] = {
         "created_utc": datetime.fromtimestamp(utc_s, UTC).isoformat(),
+        **({"measured_utc": measured} if measured else {}),
         "created_host_time_s": host_time_s,
         "skinlab_version": __version__,
         "versions": versions(),
@@ -79,10 +83,13 @@ def check_new(path: Path) -> None:
     """Make sure that a session can be written there.
 
     Raises:
-        InputError: there is a file already, or no folder that can be written.
+        InputError: there is a file already, no folder that can be written, or a name that no
+            command would take for a session.
     """
     if path.exists():
         raise InputError(f"{path}: exists already; a session is never overwritten")
+    if path.suffix.lower() not in SESSIONS:
+        raise InputError(f"{path}: expected a name that ends with .h5, as sessions have")
     write_session(path, Session({}, (), (), ()))
     path.unlink()
 

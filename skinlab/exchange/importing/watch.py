@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from datetime import UTC, datetime
 from pathlib import Path
 
 from skinlab.acquisition.pipeline import Pipeline
@@ -25,6 +26,7 @@ class Landed:
     path: Path
     result: Identification
     imported: Imported | None
+    lay_there: bool = False  # before anybody watched
 
 
 class Watch:
@@ -37,7 +39,9 @@ class Watch:
         answers: Answers,
         identifier: Identifier,
         who: Who,
+        measured: str = "",
     ) -> None:
+        """`measured` is when all of it was measured; "": as its first file lands."""
         self.out = out
         self.landed: list[Landed] = []
         self._setup = setup
@@ -46,6 +50,8 @@ class Watch:
         self._pipeline = Pipeline(identifier, [self._hear])
         self._heard: Identification | None = None
         self._who = who
+        self._stated = measured
+        self._first_s: float | None = None  # Unix time at which the first good file landed
         self._saved = self._unsaved = False
 
     def take(self, arrival: Arrival) -> Landed:
@@ -55,6 +61,8 @@ class Watch:
         replaced = same and (arrival.continues or self.landed[same[-1]].imported is None)
         at = same[-1] if replaced else len(self.landed)
         landed = self._identified(arrival, at)
+        if self._first_s is None and landed.imported is not None:
+            self._first_s = self._who.now()
         self.landed[at : at + 1] = [landed]
         self._unsaved = self._unsaved or landed.imported is not None
         return landed
@@ -67,6 +75,7 @@ class Watch:
         path = arrival.path
         try:
             imported = import_bytes(path, arrival.data, self._setup, self._answers)
+            self._check_new(path, imported, at)
             times = sum(one.path == path and one.imported is not None for one in self.landed)
             if times and not arrival.continues:
                 name = f"{imported.curve.name} ({times + 1})"
@@ -74,9 +83,25 @@ class Watch:
             number = 1 + sum(one.imported is not None for one in self.landed[:at])
             self._pipeline.complete(number, imported.curve)
             assert self._heard is not None  # a pipeline with an identifier always answers
-            return Landed(path, self._heard, imported)
+            return Landed(path, self._heard, imported, arrival.lay_there)
         except InputError as error:
             return Landed(path, Identification(path.name, self._setup, str(error)), None)
+
+    def _check_new(self, path: Path, imported: Imported, at: int) -> None:
+        """Refuse a copy: each curve counts as data of its own."""
+        for k, one in enumerate(self.landed):
+            if k != at and one.imported is not None and one.imported.sha256 == imported.sha256:
+                raise InputError(
+                    f"{path}: the same readings as {one.imported.curve.name}; expected each curve "
+                    "once"
+                )
+
+    def _measured(self) -> str:
+        """Return when the session was measured; "" where a file may be of any day."""
+        of_any_day = any(one.lay_there and one.imported is not None for one in self.landed)
+        if self._stated or self._first_s is None or of_any_day:
+            return self._stated
+        return datetime.fromtimestamp(self._first_s, UTC).isoformat()
 
     def save(self) -> Path | None:
         """Write the session; None where there is no curve.
@@ -91,6 +116,7 @@ class Watch:
                 [result for _, result in good],
                 self._identifier,
                 self._who,
+                self._measured(),
             )
             write_session(self.out, session, replace=self._saved)
             self._saved, self._unsaved = True, False

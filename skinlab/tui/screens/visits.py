@@ -24,6 +24,7 @@ from skinlab.tui.visits import (
     TITLES,
     at_control,
     cells,
+    dated,
     found,
     series,
     trend_lines,
@@ -208,7 +209,9 @@ class VisitsScreen(BoardScreen):
         if row is None or other is None or row is other:
             self._write("Mark a visit (m), go to another one, then c compares.")
             return
-        first, second = sorted((other, row), key=lambda v: v.created_utc)
+        first, second = other, row  # where nobody says which was first, the marked one
+        if len(dated((first, second))) == 2:
+            first, second = sorted((first, second), key=lambda v: v.measured_utc)
 
         def compare() -> str:
             from skinlab.studies.change import in_words
@@ -229,7 +232,8 @@ class VisitsScreen(BoardScreen):
         columns = self.query_one("#visits-text").size.width or 76
 
         def trend() -> str:
-            changes = self._since(rows[0], rows[-1]).found if len(rows) > 1 else None
+            over = dated(rows)
+            changes = self._since(over[0], over[-1]).found if len(over) > 1 else None
             return "\n".join(trend_lines(rows, columns, changes))
 
         self._compute("following …", trend)

@@ -100,6 +100,13 @@ def test_parameters_keep_their_schema_and_say_what_they_are_of(session_path, tmp
         jsonschema.validate(broken, SCHEMA)
 
 
+def test_the_day_of_an_import_is_not_told_as_that_of_the_measurement(session_path, tmp_path):
+    observation = exported(session_path, "fhir", tmp_path / "f")["entry"][-1]["resource"]
+    assert "effectiveDateTime" not in observation
+    entry = exported(session_path, "parameters", tmp_path / "p")["curves"][0]
+    assert entry["measured_utc"] is None
+
+
 def test_the_schema_in_the_docs_is_the_one_of_the_program():
     from pathlib import Path
 

@@ -239,6 +239,29 @@ def test_days_are_each_persons_first_and_second_visit():
     assert found.components == reliability(whole).components
 
 
+def test_sessions_without_a_day_are_visits_of_their_own_and_in_no_order():
+    dated = table()
+    days = np.array([f"2026-01-{10 * int(v):02d}" for v in dated.text["visit"].tolist()])
+    whole = Columns({**dated.text, "visit": days}, dated.names)
+    undated = (dated.text["subject"] == "P0") | (dated.text["subject"] == "P1")
+    names = np.array(
+        [f"{s}_{v}.h5" for s, v in zip(whole.text["subject"], days, strict=True)], dtype=str
+    )
+    some = {n: np.where(undated, names, whole.text[n].astype("U40")) for n in ("file", "visit")}
+    found = reliability(Columns({**whole.text, **some}, whole.names))
+    assert found.notes[0].startswith("4 imported sessions without the day of the measurement")
+    # Each is a visit, as before, whatever it is called; but nobody's first or second.
+    assert found.components == reliability(whole).components
+    rest = whole.where(~undated)
+    for rows in ("bland_altman", "trends"):
+        of_visits = [
+            [r for r in getattr(one, rows) if "visit" in str(r.get("facet") or r.get("against"))]
+            for one in (found, reliability(rest))
+        ]
+        assert of_visits[0] == of_visits[1]
+        assert of_visits[0]
+
+
 def test_what_is_left_out_or_taken_as_one_is_said():
     whole = table()
     many = np.array([f"op{k}" for k in range(len(whole))])

@@ -312,6 +312,7 @@ def test_sessions_campaigns_exports_and_paths_say_whose_curves_they_are(cohort, 
     assert (rows["visit.h5"]["subject"], rows["visit.h5"]["site"]) == ("E5", "leg")
     assert float(rows["visit.h5"]["thickness_mm"]) == 1.1
     assert rows["visit.h5"]["placement"] == "left"
+    assert rows["visit.h5"]["visit"] == "visit.h5"  # nobody said the day
     same = float(rows["camp/d.csv"]["X1_MPa"]), float(rows["D1/export.txt"]["X1_MPa"])
     assert same[0] != same[1]  # another thickness
     assert rows["D1/export.txt"]["error"] == ""

@@ -119,6 +119,13 @@ def test_nothing_good_leaves_no_session(call, tmp_path):
         (["import", "a.txt", *SKIN, "--cycle", 0, "--out", "s.h5"], 3, "count from 1"),
         (["import", "a.txt", *SKIN, "--program", "up", "--out", "s.h5"], 3, "is not a segment"),
         (["import", "a.txt", *SKIN, "--out", "a.txt"], 3, "exists already"),
+        (["import", "a.txt", *SKIN, "--out", "s.txt"], 3, "s.txt: expected a name that ends with"),
+        (["watch", ".", *SKIN, "--out", "s.txt"], 3, "s.txt: expected a name that ends with .h5"),
+        (
+            ["import", "b.txt", *SKIN, *RAMP, "--program-start-s", 6, "--out", "s.h5"],
+            3,
+            "0 samples while the program ran, which started at 6 s",
+        ),
         (["import", "b.txt", *SKIN, "--out", "s.h5"], 3, "no column of the pressure"),
         (["watch", "absent", *SKIN], 3, "absent: no such folder"),
         (["watch", ".", *SKIN, "--settle-s", 0], 3, "expected 0.1-3600"),
@@ -137,6 +144,60 @@ def test_mistakes_give_one_sentence_and_leave_nothing(call, tmp_path, arguments,
     assert got == status
     assert says in err
     assert sorted(tmp_path.iterdir()) == before
+
+
+@pytest.mark.parametrize(
+    ("name", "status"), [("a.txt", 2), ("other.csv", 3), ("comma.csv", 3), ("utf16.csv", 3)]
+)
+def test_what_only_import_reads_is_refused_with_the_advice_to_import_it(
+    call, tmp_path, name, status
+):
+    (tmp_path / "other.csv").write_text(HEADER + ROWS)
+    ours = "time_s;pressure_mbar;deflection_mm\n" + ROWS
+    (tmp_path / "comma.csv").write_text(ours.replace(".", ",").replace(";", ","))
+    (tmp_path / "utf16.csv").write_text(ours.replace(";", ","), encoding="utf-16")
+    got, _, err = call("identify", name, *SKIN)
+    assert got == status
+    assert name in err
+    assert "`skinlab import` makes a session of what other software exported" in err
+
+
+def test_a_missing_column_is_told_before_too_few_samples(call, tmp_path):
+    (tmp_path / "few.csv").write_text("time_s,pressure_mbar\n0,0\n0.1,1\n0.2,2\n")
+    status, _, err = call("import", "few.csv", *SKIN, "--out", "s.h5")
+    assert status == 3
+    assert "few.csv: line 1: no column of the deflection" in err
+    (tmp_path / "few.csv").write_text("a,b,c\n0,0,0\n0.1,1,0\n0.2,2,0\n")
+    assert (
+        "few.csv: 3 samples; expected at least 5"
+        in call("import", "few.csv", *SKIN, "--out", "s.h5")[2]
+    )  # and nobody is asked which column is which
+
+
+@pytest.mark.parametrize("kind", ["fhir", "parameters"])
+def test_an_export_without_parameters_says_so(call, kind):
+    assert call("import", "a.txt", *SKIN, "--out", "s.h5")[0] == 0
+    status, _, err = call("export", "s.h5", "--to", kind, "d")
+    assert status == 0
+    assert "s.h5: no curve has parameters: not identified yet; `skinlab identify s.h5" in err
+
+
+def test_a_file_that_is_given_twice_is_taken_once(call):
+    status, out, err = call("import", "a.txt", "a.txt", "b.txt", *SKIN, *RAMP, "--out", "s.h5")
+    assert (status, out) == (3, "session: s.h5\n")
+    assert "a.txt: the same readings are given twice; expected each curve once" in err
+    assert [curve.name for curve in read_session("s.h5").curves] == ["a.txt", "b.txt"]
+
+
+@pytest.mark.parametrize(
+    "command",
+    [["replay", "s.h5"], ["compare", "s.h5", "s.h5"], ["export", "s.h5", "p", "--to=parameters"]],
+)
+def test_a_database_that_is_asked_for_is_used_where_nothing_was_identified(call, command):
+    assert call("import", "a.txt", *SKIN, "--out", "s.h5")[0] == 0
+    status, _, err = call(*command, "--database", "a.txt")
+    assert status == 3
+    assert "a.txt: not readable as HDF5" in err
 
 
 def test_capture_ends_by_itself(call):

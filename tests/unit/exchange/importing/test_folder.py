@@ -113,12 +113,13 @@ def test_what_lands_is_identified_and_kept(tmp_path, table):
     watcher = Watch(out, Setup(6, 1), Answers(), Identifier(table), WHO)
     told, kept, time_s = [], [], [0.0]
     steps = [
-        lambda: (exports / "a.csv").write_text(CURVE),
+        lambda: (exports / "a.csv").write_text(CURVE.replace("0.006", "0.005")),
         lambda: (exports / "bad.csv").write_text("nothing"),
         lambda: (exports / "b.csv").write_text(CURVE[: CURVE.index("2.5;")]),
         lambda: (exports / "b.csv").write_text(CURVE),
         lambda: (exports / "a.csv").write_text(CURVE.replace("0.006", "0.007")),
-        lambda: (exports / "bad.csv").write_text(CURVE),
+        lambda: (exports / "bad.csv").write_text(CURVE.replace("0.006", "0.008")),
+        lambda: (exports / "copy.csv").write_text(CURVE),
     ]
 
     def sleep(seconds):
@@ -148,15 +149,17 @@ def test_what_lands_is_identified_and_kept(tmp_path, table):
         "b.csv",
         "a.csv",
         "bad.csv",
+        "copy.csv",
     ]
-    assert [one.imported is None for one in told] == [False, True, False, False, False, False]
+    assert [one.imported is None for one in told] == [False, True, *[False] * 4, True]
+    assert "copy.csv: the same readings as b.csv" in told[-1].result.error
     assert kept == [
         [("a.csv", 51)],
         [("a.csv", 51)],
         [("a.csv", 51), ("b.csv", 25)],
         [("a.csv", 51), ("b.csv", 51)],
         [("a.csv", 51), ("b.csv", 51), ("a.csv (2)", 51)],
-        [("a.csv", 51), ("bad.csv", 51), ("b.csv", 51), ("a.csv (2)", 51)],
+        *[[("a.csv", 51), ("bad.csv", 51), ("b.csv", 51), ("a.csv (2)", 51)]] * 2,
     ]
     session = read_session(out)
     assert all(result["parameters"] for result in session.results)
@@ -185,3 +188,31 @@ def test_a_session_that_cannot_be_written_is_tried_again(tmp_path, table):
     (tmp_path / "no").unlink()
     assert watcher.save() == out
     assert len(read_session(out).curves) == 1
+
+
+@pytest.mark.parametrize(
+    ("before", "stated", "measured"),
+    [
+        (False, "", "1970-01-01T00:00:05+00:00"),
+        (True, "", None),
+        (True, "2020-01-02", "2020-01-02"),
+    ],
+)
+def test_a_session_was_measured_as_its_first_file_landed(tmp_path, table, before, stated, measured):
+    """A file that lay there before anybody watched may be of any day."""
+    out, time_s = tmp_path / "s.h5", [0.0]
+    who = Who("P-7", "forearm", "somebody", clock=lambda: 0.0, now=lambda: time_s[0])
+    watcher = Watch(out, Setup(6, 1), Answers(), Identifier(table), who, stated)
+    folder = Folder(tmp_path)
+    for name, at_s, step in (("a.csv", 0.0 if before else 4.0, "5"), ("b.csv", 9.0, "8")):
+        if not before or name != "a.csv":
+            folder.poll(at_s - 1)
+        (tmp_path / name).write_text(CURVE.replace("0.006", f"0.00{step}"))
+        folder.poll(at_s)
+        time_s[0] = at_s + 1
+        (arrival,) = folder.poll(time_s[0])
+        watcher.take(arrival)
+        watcher.save()
+    meta = read_session(out).meta
+    assert len(meta["imported"]) == 2
+    assert meta.get("measured_utc") == measured
