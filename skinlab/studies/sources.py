@@ -105,6 +105,8 @@ def find_sources(plan: Plan) -> Iterator[Source | Table]:
     for folder in plan.folders:
         if not folder.exists():
             raise InputError(f"{folder}: no such folder")
+        if not (folder.is_dir() or folder.is_file()):
+            raise InputError(f"{folder}: a pipe or a device; expected a folder")
     empty: list[Source] = []
     for folder, prefix in zip(plan.folders, names, strict=True):
         if folder.is_file():
