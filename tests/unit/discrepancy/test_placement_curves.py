@@ -15,7 +15,12 @@ from skinlab.discrepancy import search as search_module
 from skinlab.discrepancy.adequacy import Residual
 from skinlab.discrepancy.fit import Fitter
 from skinlab.discrepancy.misfit import errors_of, slopes_mm_per_mbar
-from skinlab.discrepancy.placement_curves import softer_mm, with_stiffness_of, with_thickness_of
+from skinlab.discrepancy.placement_curves import (
+    softer_mm,
+    thickness_slopes,
+    with_stiffness_of,
+    with_thickness_of,
+)
 from skinlab.discrepancy.posterior import sample
 from skinlab.discrepancy.records import records_of
 from skinlab.discrepancy.search import Search
@@ -130,6 +135,20 @@ def nine(table):
     fitter = Fitter(records, errors_of(records), TableDomes(table), finite_elements=False)
     search = Search(fitter)
     return search, search.learned_base().fit
+
+
+def test_errors_as_an_explanation_sees_them_have_the_thickness_of_its_own_skin(table, nine):
+    """The model as it is may be of a skin with another slope, by a quarter."""
+    search, base = nine
+    records, domes = search.fitter.records, TableDomes(table)
+    other = replace(base, u=base.u + np.array([0.4, -1.5, 0.0]))
+    before, own = (thickness_slopes(records, fit, domes) for fit in (base, other))
+    assert np.abs(own - before).max() > 0.1 * np.abs(before).max()
+    look = search.errors_with(other).looks[-1]
+    columns = look.mode.columns_mm[:, look.best.columns["placement_thickness"]].sum(axis=1)
+    there = np.abs(own) > 1e-6
+    share = columns[there] / own[there]
+    np.testing.assert_allclose(share, share[0], rtol=1e-9)
 
 
 def test_a_thickness_of_places_may_do_what_it_does_to_the_skin_of_an_explanation(table, nine):
