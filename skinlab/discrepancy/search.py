@@ -275,10 +275,11 @@ class Search:
         """Return the errors that were learned, with the look that this explanation gives.
 
         What a placement's thickness does is told by it, too: the model as it is may be of a skin
-        that has another slope by a quarter.
+        whose slope is another by a quarter.
         """
-        linear = self.linear(fit)
-        thickness_mm = thickness_slopes(self.fitter.records, fit, self.fitter.domes)
+        linear, thickness_mm = self.linear(fit), self._thickness_mm
+        if fit.unknowns.effects != self.own:
+            thickness_mm = thickness_slopes(self.fitter.records, fit, self.fitter.domes)
         found = look_at_errors(self.errors, self._measured, linear, thickness_mm)
         return CampaignErrors((*self.errors.looks, found))
 
@@ -293,9 +294,8 @@ class Search:
             return told
         linear = self.linear(best.fit)
         own_mm = linear.slopes_mm[:, best.fit.unknowns.space.scale]
-        thickness_mm = thickness_slopes(self.fitter.records, best.fit, self.fitter.domes)
         look = look_at_errors(
-            self.errors, self._measured, linear, thickness_mm, own_softer_mm=own_mm
+            self.errors, self._measured, linear, self._thickness_mm, own_softer_mm=own_mm
         )
         return CampaignErrors((look,)).implausible
 

@@ -92,7 +92,7 @@ def test_a_hidden_effect_is_named_and_the_gap_shrinks_to_the_noise(table, effect
     found = document(explain(hidden, table, finite_elements=plan is RAMPS))
     names_and_shrinks(found, effects, [f"c{i}.csv" for i in range(len(plan))])
     # Weighed by the errors: four placements might each be off by themselves, which is improbable.
-    assert found["gap"]["before_um"] > 1.25 * found["gap"]["noise_um"]
+    assert found["gap"]["before_um"] > 1.1 * found["gap"]["noise_um"]
     # Each placement might have had a zero of its own, or a stiffness as of a preload; three sites
     # of different thickness on a nearly incompressible skin come near a skin that stiffens.
     if "pressure_lag" in effects:

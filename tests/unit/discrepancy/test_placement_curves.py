@@ -141,7 +141,11 @@ def test_errors_as_an_explanation_sees_them_have_the_thickness_of_its_own_skin(t
     """The model as it is may be of a skin with another slope, by a quarter."""
     search, base = nine
     records, domes = search.fitter.records, TableDomes(table)
-    other = replace(base, u=base.u + np.array([0.4, -1.5, 0.0]))
+    unknowns = base.unknowns.with_effect("deflection_offset")
+    u = np.append(base.u + np.array([0.4, -1.5, 0.0]), 0.0)
+    model = search.fitter.model(unknowns)
+    slopes, deflections_mm = search.fitter.jacobian(model, u), tuple(model.predict(u))
+    other = replace(base, unknowns=unknowns, u=u, jacobian=slopes, deflections_mm=deflections_mm)
     before, own = (thickness_slopes(records, fit, domes) for fit in (base, other))
     assert np.abs(own - before).max() > 0.1 * np.abs(before).max()
     look = search.errors_with(other).looks[-1]
