@@ -23,8 +23,10 @@ SKINLAB = [sys.executable, "-m", "skinlab"]
 ENVIRONMENT = {**os.environ, "OPENBLAS_NUM_THREADS": "1"}
 SKIN = ["--aperture-mm", "6", "--thickness-mm", "1"]
 PATIENCE_S = 300.0
-ROWS = "".join(f"{0.1 * i:.1f};{i};{0.006 * i:.3f}\n" for i in range(51))
-UNCLEAR = "t (s);pressure;w (mm)\n" + ROWS
+UNCLEAR, ANOTHER = (  # of two curves: a copy is refused
+    "t (s);pressure;w (mm)\n" + "".join(f"{0.1 * i:.1f};{i};{slope * i:.3f}\n" for i in range(51))
+    for slope in (0.006, 0.005)
+)
 
 
 def start(cwd: Path, *arguments: str, **more) -> subprocess.Popen[str]:
@@ -43,7 +45,7 @@ def start(cwd: Path, *arguments: str, **more) -> subprocess.Popen[str]:
 @pytest.mark.long
 def test_what_is_ambiguous_fails_in_a_pipe_and_is_asked_for_on_a_terminal(tmp_path):
     (tmp_path / "a.txt").write_text(UNCLEAR)
-    (tmp_path / "b.txt").write_text(UNCLEAR)
+    (tmp_path / "b.txt").write_text(ANOTHER)
     arguments = ["import", "a.txt", "b.txt", *SKIN, "--out", "s.h5"]
     piped = start(tmp_path, *arguments)
     out, err = piped.communicate(timeout=PATIENCE_S)
@@ -87,7 +89,7 @@ def test_what_is_ambiguous_fails_in_a_pipe_and_is_asked_for_on_a_terminal(tmp_pa
 def test_watch_takes_files_as_they_land_and_keeps_them_when_interrupted(tmp_path):
     exports = tmp_path / "exports"
     exports.mkdir()
-    good = UNCLEAR.replace("pressure", "p (mbar)")
+    good, more = (text.replace("pressure", "p (mbar)") for text in (UNCLEAR, ANOTHER))
     (exports / "old.txt").write_text(good)
     process = start(
         tmp_path, "watch", "exports", *SKIN, "--settle-s", "0.1", "--out", "s.h5", "--json"
@@ -103,7 +105,7 @@ def test_watch_takes_files_as_they_land_and_keeps_them_when_interrupted(tmp_path
     wait_for("exports/old.txt: UTF-8")
     (exports / "bad.txt").write_text("rubbish")
     wait_for("skinlab: exports/bad.txt: no table found")
-    (tmp_path / "new").write_text(good)
+    (tmp_path / "new").write_text(more)
     (tmp_path / "new").rename(exports / "new.txt")
     wait_for("exports/new.txt: UTF-8")
     process.send_signal(signal.SIGINT)
