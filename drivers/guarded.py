@@ -180,7 +180,8 @@ def _strange(one: Any) -> str:
         if not isinstance(value, allowed):
             wanted = " or ".join(dict.fromkeys(_CALLED.get(k, k.__name__) for k in allowed))
             raise TypeError(f"{type(one).__name__}.{name} is {_a(value)}; expected {wanted}")
-        if isinstance(value, float) and not math.isfinite(value):
+        # Also numpy's numbers, of which only one width is a float
+        if isinstance(value, Real) and not math.isfinite(value):
             return f"{name} is {value}"
         if isinstance(value, tuple):
             for part in value:

@@ -52,6 +52,7 @@ _SAMPLE_COLUMNS = (
     ("record", "1"),
 )
 _WHOLE = frozenset({"sequence", "segment", "record"})
+_DAY = len("2026-03-01")
 
 
 @dataclass(frozen=True, eq=False)
@@ -258,6 +259,13 @@ def measured_utc(meta: Mapping[str, Any]) -> str:
     """
     name = "created_utc" if meta.get("imported") is None else "measured_utc"
     return str(meta.get(name) or "")
+
+
+def earlier(one_utc: str, other_utc: str) -> bool:
+    """Return whether one was measured before another; of one day, a day alone does not tell."""
+    if _DAY in (len(one_utc), len(other_utc)):
+        one_utc, other_utc = one_utc[:_DAY], other_utc[:_DAY]
+    return one_utc < other_utc
 
 
 def example_session() -> Path:

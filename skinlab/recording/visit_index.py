@@ -19,11 +19,10 @@ import numpy as np
 
 from skinlab.errors import SkinlabError
 from skinlab.io.sqlite import check_only_tables
-from skinlab.recording.session import measured_utc, read_session
+from skinlab.recording.session import earlier, measured_utc, read_session
 
 NAME = ".visits.sqlite"  # in the folder of the sessions
 _SCHEMA = 2
-_DAY = len("2026-03-01")
 _COLUMNS = (
     "file", "mtime_ns", "size", "measured_utc", "created_utc", "subject", "site", "simulated",
     "curves", "alike", "parameters", "problem",
@@ -114,17 +113,10 @@ def visit_before(
         and row.file != present
         and row.parameters
         and row.measured_utc
-        and (now is None or _earlier(row.measured_utc, now))
+        and (now is None or earlier(row.measured_utc, now))
     )
     found = next(same, None)
     return None if found is None else folder / found.file
-
-
-def _earlier(one: str, other: str) -> bool:
-    """Return whether a visit was before another; of one day, a day alone does not tell."""
-    if _DAY in (len(one), len(other)):
-        one, other = one[:_DAY], other[:_DAY]
-    return one < other
 
 
 def _anew(path: Path) -> sqlite3.Connection:

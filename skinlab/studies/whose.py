@@ -8,7 +8,7 @@ from pathlib import Path
 
 from skinlab.errors import InputError
 from skinlab.io.files import file_hash
-from skinlab.recording.session import Session, measured_utc
+from skinlab.recording.session import Session, earlier, measured_utc
 
 
 @dataclass(frozen=True)
@@ -86,9 +86,7 @@ def check_whose(
         simulated = ", ".join(one.file for one in every if one.simulated)
         notes.append(f"Of a simulated skin, unlike the others: {simulated}.")
     for first, last in ((before, after), *([control] if control else [])):
-        # A day may be stated without the time.
-        known = min(len(first.measured_utc), len(last.measured_utc))
-        if first.measured_utc[:known] > last.measured_utc[:known]:
+        if last.measured_utc and earlier(last.measured_utc, first.measured_utc):
             notes.append(f"{first.file} was measured after {last.file}: signs are the other way.")
     return tuple(notes)
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from drivers.capabilities import Capabilities, Stream
@@ -246,6 +247,15 @@ def test_a_stream_whose_dialect_breaks_down_is_lost_with_a_sentence(monkeypatch)
 
     seen = streamed(Probe, b"break", LinkLost)
     assert "dialect 'lines': broke down: ZeroDivisionError: at a word" in seen[-1].reason
+
+
+@pytest.mark.parametrize("value", [math.nan, np.float32("nan"), np.float16("inf")])
+def test_a_reading_is_no_number_in_whatever_width(value):
+    faulty = Faulty(decode_event=of(Sample, lambda s: (replace(s, deflection_mm=value), None)))
+    faulty.after = 0
+    buffer = bytearray(REFERENCE.encode_event(Sample(1, 0.1, 5.0, 0.1, 0), None))
+    with pytest.raises(RemoteProtocolError, match="no numbers"):
+        guarded(faulty).decode_event(REFERENCE.take(buffer))
 
 
 def test_a_stream_of_no_numbers_raises_the_alarm():
