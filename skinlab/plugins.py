@@ -190,7 +190,8 @@ class Registry(Generic[T]):
             by = "is built in" if other is None else f"comes from {other.distribution}"
             return f"{who}: left out, because one of this name {by}"
         try:
-            one = entry.load()
+            with contextlib.redirect_stdout(sys.stderr):  # it may print, and a document may follow
+                one = entry.load()
             self._check(one)
             if one.name != entry.name:
                 raise TypeError(f"it calls itself {one.name!r}; expected its entry point's name")

@@ -10,6 +10,7 @@ import click
 from click.core import ParameterSource
 
 from skinlab.cli.method_options import parsed
+from skinlab.cli.output import output_kept
 
 if TYPE_CHECKING:
     from skinlab.curves.curve import Curve
@@ -149,7 +150,15 @@ def database_option(default: str = "the shipped one") -> Callable[[F], F]:
 
 def json_option() -> Callable[[F], F]:
     """`--json`."""
-    return click.option("--json", "as_json", is_flag=True, help="Print one JSON document.")
+
+    def keep(ctx: click.Context, parameter: click.Parameter, as_json: bool) -> bool:
+        if as_json:
+            ctx.with_resource(output_kept())
+        return as_json
+
+    return click.option(
+        "--json", "as_json", is_flag=True, callback=keep, help="Print one JSON document."
+    )
 
 
 def probe_option(kept: bool = False) -> Callable[[F], F]:

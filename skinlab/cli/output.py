@@ -2,14 +2,28 @@
 
 from __future__ import annotations
 
+import contextlib
 import errno
 import os
 import sys
+from collections.abc import Iterator
 from typing import Any, TextIO
 
 from skinlab.text import inert, inert_lines, json_text
 
 _LONGEST = 1500  # characters of a line to standard error; a path may have some hundreds
+_kept: list[TextIO] = []  # standard output while it is kept for us
+
+
+@contextlib.contextmanager
+def output_kept() -> Iterator[None]:
+    """Send to standard error what others print, as a plugin may: it would spoil a document."""
+    _kept.append(sys.stdout)
+    try:
+        with contextlib.redirect_stdout(sys.stderr):
+            yield
+    finally:
+        _kept.pop()
 
 
 def echo(line: str, *, err: bool = False) -> None:
@@ -51,7 +65,7 @@ def status_line(text: str) -> None:
 
 
 def _write(text: str, err: bool) -> None:
-    stream = sys.stderr if err else sys.stdout
+    stream = sys.stderr if err else (_kept or [sys.stdout])[-1]
     encoding = getattr(stream, "encoding", None) or "utf-8"
     try:
         stream.write(text.encode(encoding, "backslashreplace").decode(encoding))

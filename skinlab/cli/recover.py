@@ -26,11 +26,15 @@ def command(journal: Path, out: Path | None) -> int:
     """
     from skinlab.errors import InputError
     from skinlab.recording.journal import is_live
+    from skinlab.recording.load_inputs import SESSIONS, check_session_name
     from skinlab.recording.recorder import recover
     from skinlab.text import counted
 
-    if out is None:
-        out = journal.with_suffix("") if journal.suffix == ".journal" else Path(f"{journal}.h5")
+    if out is not None:
+        check_session_name(out)
+    else:
+        out = journal.with_suffix("") if journal.suffix == ".journal" else journal
+        out = out if out.suffix.lower() in SESSIONS else Path(f"{out}.h5")
     if is_live(journal):
         raise InputError(f"{journal}: a measurement is recording there now; it saves by itself")
     made, skipped = recover(journal, out)

@@ -58,6 +58,16 @@ def read_input(path: Path, setup: Setup | None) -> Input:
     )
 
 
+def check_session_name(path: Path) -> None:
+    """Make sure that commands would take a file of this name for a session.
+
+    Raises:
+        InputError: its name does not end as sessions' do.
+    """
+    if path.suffix.lower() not in SESSIONS:
+        raise InputError(f"{path}: expected a name that ends with .h5, as sessions have")
+
+
 def import_advice(paths: Iterable[Path]) -> str:
     """Return what to do with the first of these that only `skinlab import` reads; "" for none."""
     ours = {".csv", ".toml", *SESSIONS}

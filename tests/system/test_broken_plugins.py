@@ -87,6 +87,7 @@ def method(name, change):
         return change(Estimate(middle, error_um, 1, 1, True))
     return Method(name, search, "nothing")
 GOOD = method("good", lambda e: replace(e, parameters=list(e.parameters)))
+LOUD = method("loud", lambda e: print("found") or e)
 NAN = method("nan", lambda e: replace(e, parameters=e.parameters * np.nan))
 RAISES = method("raises", lambda e: e["parameters"])
 LEAVES = method("leaves", lambda e: sys.exit(3))
@@ -201,6 +202,21 @@ def test_a_method_that_has_no_answer_ends_no_measurement(tmp_path):
             e.startswith(f"plugin works, method {name!r}: broke down: {why}") for e in errors
         )
     assert again.returncode == 0, again.stderr
+
+
+def test_what_a_plugin_prints_is_no_part_of_a_document(tmp_path):
+    place = works(tmp_path, "methods", ["loud"], METHODS + 'print("here")\n')
+    loud = ["--method", "loud"]
+    document, text, listed = place.each(
+        [*MEASURE, *loud, "--out", "s.h5"],
+        [*MEASURE[:-1], *loud, "--out", "t.h5"],
+        ["plugins", "--json"],
+        cwd=tmp_path,
+    )
+    assert json.loads(document.stdout)["curves"][0]["parameters"]
+    assert {"here", "found"} <= set(document.stderr.splitlines())
+    assert "found" in text.stdout.splitlines()
+    assert json.loads(listed.stdout)["plugins"]
 
 
 # ---- records of plugins that are not there any more ----------------------------------------------

@@ -14,7 +14,7 @@ from skinlab.exchange.importing.reader import Imported
 from skinlab.inference.identify import Identifier
 from skinlab.inference.result import Identification
 from skinlab.recording.audit import Chain, note, operator
-from skinlab.recording.load_inputs import SESSIONS
+from skinlab.recording.load_inputs import check_session_name
 from skinlab.recording.pseudonym import check_site, check_subject
 from skinlab.recording.recorder import identification_settings
 from skinlab.recording.session import Session, write_session
@@ -88,8 +88,7 @@ def check_new(path: Path) -> None:
     """
     if path.exists():
         raise InputError(f"{path}: exists already; a session is never overwritten")
-    if path.suffix.lower() not in SESSIONS:
-        raise InputError(f"{path}: expected a name that ends with .h5, as sessions have")
+    check_session_name(path)
     write_session(path, Session({}, (), (), ()))
     path.unlink()
 

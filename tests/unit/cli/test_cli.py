@@ -96,6 +96,8 @@ def test_database_and_finite_elements_agree_between_nodes(capsys):
         ([*FORWARD, *RAMP, "--aperture-mm", "5"], 3, "no probe has this opening"),
         (["replay", "absent.h5"], 3, "absent.h5: no such file"),
         (["recover", "absent.journal"], 3, "absent.journal: no such file"),
+        (["recover", "absent.journal", "--out", "s"], 3, "s: expected a name that ends with .h5"),
+        (["measure", "--port", "sim://", *SKIN, *RAMP, "--out", "s"], 3, "ends with .h5"),
         (["database", "info", "absent.h5"], 3, "absent.h5: no such file"),
         (["database", "verify", "--samples", "0"], 3, "samples 0"),
         (
