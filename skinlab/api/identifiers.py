@@ -102,9 +102,11 @@ def compose_identifier(
     if seed < 0:
         raise InputError(f"seed {seed}: expected zero or more")
     if noise_um is not None and not 0 < noise_um < 1e6:
-        raise InputError(f"noise_um {noise_um:g}: expected a positive number")
+        raise InputError(f"noise_um {noise_um:g}: expected more than 0 and less than 1e6")
     if pressure_noise_mbar is not None and not 0 <= pressure_noise_mbar < 1e3:
-        raise InputError(f"pressure_noise_mbar {pressure_noise_mbar:g}: expected zero or more")
+        raise InputError(
+            f"pressure_noise_mbar {pressure_noise_mbar:g}: expected 0 or more and less than 1000"
+        )
     check_kappa(kappa)
     table = find_table(database)
     calibrated = None if probe is None else read_probe(as_path(probe))

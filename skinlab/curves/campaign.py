@@ -69,10 +69,13 @@ def read_campaign(path: Path) -> Campaign:
         raise InputError(f"{path}: no [[curve]]; expected at least one")
     noise, pressure_noise = data.campaign.noise_um, data.campaign.pressure_noise_mbar
     if noise is not None and not 0 < noise < 1e6:
-        raise InputError(f"{path}: campaign.noise_um is {noise}, expected a positive number")
-    if pressure_noise is not None and not 0 <= pressure_noise < 1e6:
         raise InputError(
-            f"{path}: campaign.pressure_noise_mbar is {pressure_noise}, expected zero or more"
+            f"{path}: campaign.noise_um is {noise}, expected more than 0 and less than 1e6"
+        )
+    if pressure_noise is not None and not 0 <= pressure_noise < 1e3:
+        raise InputError(
+            f"{path}: campaign.pressure_noise_mbar is {pressure_noise}, expected 0 or more and "
+            "less than 1000"
         )
     stated = data.campaign.placement_scatter
     scatter = None if stated == "auto" else float(stated)

@@ -19,6 +19,18 @@ Array = NDArray[np.float64]
 
 
 def check_program(curve: Curve) -> Curve:
+    """Return `followed`.
+
+    Raises:
+        InputError: the pressure is another program's; names the curve.
+    """
+    try:
+        return followed(curve)
+    except InputError as error:
+        raise InputError(f"{curve.name}: {error}") from None
+
+
+def followed(curve: Curve) -> Curve:
     """Return a curve, refused if its pressure is another program's: its phases would be wrong.
 
     A rig may be late, begin late or early, overshoot, leak a little, or be cut short: it is the
@@ -26,7 +38,7 @@ def check_program(curve: Curve) -> Curve:
     stated. Where first samples are lost, and the clock tells, segments are by the clock.
 
     Raises:
-        InputError: the pressure is far off all the same; names the curve.
+        InputError: the pressure is far off all the same.
     """
     program = curve.program_as_run
     if program is None or program.max_pressure_mbar <= 0:
@@ -47,12 +59,12 @@ def check_program(curve: Curve) -> Curve:
                 for late in AS_STATED.late_s:
                     expected = asked(time - begin - late)
                     off_mbar = _off_mbar(pressure, expected, top)
-                    if off_mbar <= AS_STATED.off * top:
+                    if off_mbar <= AS_STATED.off * _seen_mbar(pressure, expected, top):
                         return _by_the_clock(curve, program, path)
                     if off_mbar < best_mbar:
                         best_mbar, best = off_mbar, expected
     raise InputError(
-        f"{curve.name}: the pressure does not follow its program {program}: "
+        f"the pressure does not follow its program {program}: "
         f"{_where(time - time[0], pressure, best, top)}; correct or leave out `program`"
     )
 
@@ -92,6 +104,13 @@ def _off_mbar(pressure: Array, expected: Array, top: float) -> float:
     off = np.sort(np.abs(pressure - expected)[suction])
     kept = off[: math.ceil((1.0 - AS_STATED.glitches) * len(off))]
     return float(np.sqrt(np.mean(kept**2)))
+
+
+def _seen_mbar(pressure: Array, expected: Array, top: float) -> float:
+    """Return the highest suction that a curve, which may be cut short, could show of a program."""
+    highest = float(np.quantile(pressure, 1.0 - AS_STATED.glitches))
+    seen = max(highest, float(expected.max()), AS_STATED.least_seen * top)
+    return min(seen, top)
 
 
 def _where(time_s: Array, pressure: Array, expected: Array, top: float) -> str:

@@ -36,7 +36,9 @@ class AsStatedRules:
     """When a pressure is not its program's; `pytest tests/unit/curves/test_program_check.py`."""
 
     off: float = 0.25
-    """Of the program's highest suction: rms over the samples with suction."""
+    """Of the highest suction that the curve could show: rms over the samples with suction."""
+    least_seen: float = 0.5
+    """Of the program's highest suction: of a curve that is cut short earlier, so much counts."""
     lags_s: tuple[float, ...] = (0.0, 0.1, 0.2, 0.4, 0.7, 1.0, 1.4, 2.0)
     """How late a rig may be, to the first order: a tube and a regulator take 0.1 to 0.3 s."""
     late_s: tuple[float, ...] = (0.0, 0.25, -0.25, 0.5, -0.5, 0.75, -0.75, 1.0, -1.0)

@@ -8,8 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skinlab.curves.curve import Curve
+from skinlab.curves.pressure_path import PressurePath
 from skinlab.curves.program import MOST_PRESSURE_MBAR
-from skinlab.curves.settings import SAMPLES
+from skinlab.curves.program_check import followed
+from skinlab.curves.settings import AS_STATED, SAMPLES
 from skinlab.errors import InputError
 from skinlab.exchange.importing.questions import Answers, Question
 from skinlab.exchange.importing.table import Table
@@ -17,6 +19,7 @@ from skinlab.text import counted
 
 Array = NDArray[np.float64]
 
+_FINELY = 2001  # times of a program at which its suction is looked at
 _BEYOND = 1.2  # times the highest pressure of any program: no reading that is a little off
 
 
@@ -64,12 +67,7 @@ def follow_program(curve: Curve, answers: Answers) -> tuple[Curve, list[str]]:
     since = curve.time_s - start_s
     interval = float(np.median(np.diff(curve.time_s)))
     inside = since <= program.duration_s + 1e-6 * interval
-    running = int((inside & (since >= -1e-6 * interval)).sum())
-    if running < SAMPLES.fewest:
-        raise InputError(
-            f"{counted(running, 'sample')} while the program ran, which started at {start_s:g} s; "
-            f"expected at least {SAMPLES.fewest}"
-        )
+    _check_running(int((inside & (since >= -1e-6 * interval)).sum()), start_s)
     notes = [f"the pressure is computed from the program, which started at {start_s:g} s"]
     if not inside.all():
         notes.append(f"{counted(int((~inside).sum()), 'sample')} after the program's end left out")
@@ -87,6 +85,66 @@ def follow_program(curve: Curve, answers: Answers) -> tuple[Curve, list[str]]:
     ), notes
 
 
+def from_the_start(curve: Curve, answers: Answers) -> tuple[Curve, list[str]]:
+    """Return a curve with readings of the pressure from where its program started, and what is out.
+
+    A file may begin long before: its rest would be fitted as the program's loading.
+
+    Raises:
+        InputError: too few samples are left, or the pressure is another program's.
+    """
+    program = curve.setup.program
+    assert program is not None
+    stated = answers.stated("program-start-s")
+    start_s = _start_shown(curve) if stated is None else _time_s(stated)
+    if start_s is None:
+        return followed(curve), []
+    interval = float(np.median(np.diff(curve.time_s)))
+    since = curve.time_s - start_s
+    running = since >= -1e-6 * interval
+    _check_running(int((running & (since <= program.duration_s)).sum()), start_s)
+    since = since[running]
+    kept = replace(
+        curve,
+        time_s=since,
+        pressure_mbar=curve.pressure_mbar[running],
+        deflection_mm=curve.deflection_mm[running],
+        segment=None if stated is None else program.segment_at(since),
+    )
+    kept = replace(followed(kept), time_s=curve.time_s[running])
+    before = int((~running).sum())
+    return kept, [
+        f"the program started at {start_s:g} s{', as the pressure shows' * (stated is None)}"
+        + (f": {counted(before, 'sample')} before it left out" if before else "")
+    ]
+
+
+def _start_shown(curve: Curve) -> float | None:
+    """Return when the suction began, if that is later than a rig's delay; None if not."""
+    program, time = curve.setup.program, curve.time_s
+    assert program is not None
+    least_mbar = AS_STATED.suction * program.max_pressure_mbar
+    above = curve.pressure_mbar > least_mbar
+    lasting = np.flatnonzero(above[:-1] & above[1:])  # one reading alone may be a glitch
+    if not lasting.size or least_mbar <= 0:
+        return None
+    path = PressurePath.of_program(program)
+    finely = np.linspace(0.0, program.duration_s, _FINELY)
+    asked_s = float(finely[np.argmax(path(finely) > least_mbar)])
+    begin = slice(max(int(lasting[0]) - 1, 0), int(lasting[0]) + 1)
+    felt_s = float(np.interp(least_mbar, curve.pressure_mbar[begin], time[begin]))
+    start_s = felt_s - asked_s
+    return start_s if start_s - float(time[0]) > max(AS_STATED.late_s) else None
+
+
+def _check_running(samples: int, start_s: float) -> None:
+    if samples < SAMPLES.fewest:
+        raise InputError(
+            f"{counted(samples, 'sample')} while the program ran, which started at {start_s:g} s; "
+            f"expected at least {SAMPLES.fewest}"
+        )
+
+
 def _start(time_s: Array, answers: Answers) -> float:
     """Return the time in the file at which the program started."""
     stated = answers.stated("program-start-s")
@@ -101,6 +159,10 @@ def _start(time_s: Array, answers: Answers) -> float:
                 ("0", f"{float(time_s[0])!r}"),
             )
         )
+    return _time_s(stated)
+
+
+def _time_s(stated: str) -> float:
     try:
         start = float(stated)
     except ValueError:

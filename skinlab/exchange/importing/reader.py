@@ -21,7 +21,12 @@ from skinlab.curves.suction import check_suction
 from skinlab.errors import InputError
 from skinlab.exchange.importing.columns import Channel, find_channels
 from skinlab.exchange.importing.decode import decode
-from skinlab.exchange.importing.pressure import beyond_any_program, follow_program, suction
+from skinlab.exchange.importing.pressure import (
+    beyond_any_program,
+    follow_program,
+    from_the_start,
+    suction,
+)
 from skinlab.exchange.importing.questions import Answers, OpenError, Question
 from skinlab.exchange.importing.table import Table
 from skinlab.exchange.importing.text import table_from_text
@@ -53,13 +58,13 @@ def read_any(path: Path, setup: Setup, answers: Answers) -> Curve:
     below zero, another unit, a dome that goes inwards.
 
     Raises:
-        InputError: as `import_file`; or the pressure is another program's than the one stated.
+        InputError: as `import_file`.
     """
     if path.suffix.lower() == ".csv" and _has_our_heading(path):
         curve = read_curve(path, setup)
         if _as_the_heading_says(curve):
             return check_program(curve)
-    return check_program(replace(import_file(path, setup, answers).curve, name=str(path)))
+    return replace(import_file(path, setup, answers).curve, name=str(path))
 
 
 def _has_our_heading(path: Path) -> bool:
@@ -93,8 +98,8 @@ def import_file(path: Path, setup: Setup, answers: Answers) -> Imported:
     """Return the curve in a file that other software exported.
 
     Raises:
-        InputError: it cannot be read or understood; names the file, the line or column, and what
-            was expected.
+        InputError: it cannot be read or understood, or its pressure is another program's than the
+            one stated; names the file, the line or column, and what was expected.
     """
     try:
         data = read_whole(path, MOST_BYTES)
@@ -171,9 +176,11 @@ def _curve(
     curve = Curve(name, setup, time, np.zeros(len(time)), deflection)
     if "pressure" in channels:
         pressure, more = suction(channels["pressure"].values, table)
+        curve = replace(curve, pressure_mbar=pressure)
         if setup.program is not None:
-            more.append("the pressure is the file's, not the program's")
-        return replace(curve, pressure_mbar=pressure), [*notes, *more]
+            curve, started = from_the_start(curve, answers)
+            more += ["the pressure is the file's, not the program's", *started]
+        return curve, [*notes, *more]
     curve, more = follow_program(curve, answers)
     return curve, [*notes, *more]
 

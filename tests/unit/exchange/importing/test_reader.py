@@ -234,6 +234,44 @@ def test_the_files_own_pressure_wins_over_the_program():
     assert "the pressure is the file's, not the program's" in imported.understood
 
 
+def rested(rest_s, rate_mbar_per_s=20.0, top_mbar=100.0):
+    """A file that begins so long before its ramp, and holds 2 s."""
+    time = np.arange(0.0, rest_s + top_mbar / rate_mbar_per_s + 2.0, 0.05)
+    pressure = np.clip(rate_mbar_per_s * (time - rest_s), 0.0, top_mbar)
+    rows = (f"{t:.2f};{p:.3f};{0.003 * p:.5f}\n" for t, p in zip(time, pressure, strict=True))
+    return "t (s);p (mbar);w (mm)\n" + "".join(rows)
+
+
+@pytest.mark.parametrize("stated", [{}, {"program_start_s": "7"}])
+def test_the_rest_before_the_program_is_none_of_its_loading(stated):
+    """It had been fitted in the place of the loading, which came later by the clock."""
+    hold = Setup(6.0, 1.0, parse_program("ramp:100@20,hold:2"))
+    imported = read(rested(7.0), hold, **stated)
+    curve = imported.curve
+    assert curve.time_s[0] == pytest.approx(7.0, abs=0.051)
+    loaded = curve.pressure_mbar[[phase == "load" for phase in curve.phase]]
+    assert loaded[0] == pytest.approx(0.0, abs=1.1)
+    assert loaded[-1] == pytest.approx(100.0, abs=1.1)
+    assert 100 <= len(loaded) <= 102
+    shown = "" if stated else ", as the pressure shows"
+    assert imported.understood[-1].startswith("the program started at ")
+    assert f"s{shown}: 14" in imported.understood[-1]
+
+
+def test_first_samples_may_be_lost_where_the_start_is_stated():
+    lost = "t (s);p (mbar);w (mm)\n" + "".join(
+        f"{3 + 0.05 * i:.2f};{i};{0.003 * i:.3f}\n" for i in range(60, 101)
+    )
+    curve = read(lost, Setup(6.0, 1.0, parse_program("ramp:80@20,hold:1")), program_start_s="3")
+    assert curve.curve.phase.tolist() == ["load"] * 21 + ["hold"] * 20
+
+
+@pytest.mark.parametrize("program", ["ramp:400@10", "ramp:20@2", "ramp:100@20,ramp:0@20,rest:20"])
+def test_a_pressure_that_is_another_programs_is_refused(program):
+    told = refusal(rested(0.0, 40.0, 160.0), Setup(6.0, 1.0, parse_program(program)))
+    assert told.startswith(f"the pressure does not follow its program {program}: ")
+
+
 def test_remarks_behind_the_table_are_counted_and_not_read():
     imported = read("t (s);p (mbar);w (mm)\n" + rows() + "\nR0;0.31\nend of file;;\n")
     assert "other lines not used: 0 before, 2 after" in imported.understood
