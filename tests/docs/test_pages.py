@@ -23,6 +23,7 @@ import click
 import pytest
 
 from skinlab.cli.main import cli
+from skinlab.exchange.codes import CODES
 from skinlab.inference.error_models.base import Look
 from skinlab.inference.samples import Samples
 from skinlab.quality.gates.base import CurveSoFar
@@ -150,6 +151,12 @@ def test_commands_in_sentences_exist(page):
 def test_examples_of_files_are_toml(page):
     for block in blocks(page, "toml"):
         tomllib.loads(block)
+
+
+def test_all_codes_of_fhir_are_listed():
+    page = (ROOT / "docs" / "exchange.md").read_text(encoding="utf-8")
+    listed = set(re.findall(r"^\| `(\S+)` \| (.+?) \| `?(\S*?)`? \|$", page, re.MULTILINE))
+    assert listed >= {(code, *said) for code, said in CODES.items()}
 
 
 def test_the_index_leads_to_every_page():

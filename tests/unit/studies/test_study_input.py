@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import json
 import tomllib
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -17,6 +18,7 @@ from skinlab.studies.labels import doubtful_labels
 from skinlab.studies.path_layout import PathLayout, pairs_of
 from skinlab.studies.state import State
 
+DOCS = Path(__file__).parents[3] / "docs"
 HEAD = ["time_s", "pressure_mbar", "deflection_mm"]
 SETUP = ("--aperture-mm", 6, "--thickness-mm", 1.2, "--workers", 1)
 
@@ -72,6 +74,8 @@ def test_what_nothing_is_open_in_is_read_and_all_else_is_listed_and_counted(curv
     assert all(expected[name] in reason for name, reason in reasons.items())
     assert rows["site/vented.csv"]["error"] in reasons["site/vented.csv"]
     document = json.loads((out / "study.json").read_text())
+    told = (DOCS / "study.md").read_text(encoding="utf-8").partition("## study.json")[2]
+    assert [key for key in document if key != "schema" and f"`{key}`" not in told] == []
     counts = ("curves", "curves_identified", "curves_copied", "files_not_used", "files_left_alone")
     assert [document[name] for name in counts] == [13, 12, 3, 5, 1]
     assert f"12 of 13 curves identified: {out / 'curves.csv'}" in done.output
