@@ -109,7 +109,7 @@ def from_the_start(curve: Curve, answers: Answers) -> tuple[Curve, list[str]]:
         time_s=since,
         pressure_mbar=curve.pressure_mbar[running],
         deflection_mm=curve.deflection_mm[running],
-        segment=None if stated is None else program.segment_at(since),
+        segment=program.segment_at(since),
     )
     kept = replace(followed(kept), time_s=curve.time_s[running])
     before = int((~running).sum())
@@ -120,13 +120,13 @@ def from_the_start(curve: Curve, answers: Answers) -> tuple[Curve, list[str]]:
 
 
 def _start_shown(curve: Curve) -> float | None:
-    """Return when the suction began, if that is later than a rig's delay; None if not."""
+    """Return when the program began, by the suction; None if with the file, but for a delay."""
     program, time = curve.setup.program, curve.time_s
     assert program is not None
     least_mbar = AS_STATED.suction * program.max_pressure_mbar
     above = curve.pressure_mbar > least_mbar
     lasting = np.flatnonzero(above[:-1] & above[1:])  # one reading alone may be a glitch
-    if not lasting.size or least_mbar <= 0:
+    if not lasting.size or above[0] or least_mbar <= 0:
         return None
     path = PressurePath.of_program(program)
     finely = np.linspace(0.0, program.duration_s, _FINELY)
@@ -134,7 +134,7 @@ def _start_shown(curve: Curve) -> float | None:
     begin = slice(max(int(lasting[0]) - 1, 0), int(lasting[0]) + 1)
     felt_s = float(np.interp(least_mbar, curve.pressure_mbar[begin], time[begin]))
     start_s = felt_s - asked_s
-    return start_s if start_s - float(time[0]) > max(AS_STATED.late_s) else None
+    return start_s if abs(start_s - float(time[0])) > max(AS_STATED.late_s) else None
 
 
 def _check_running(samples: int, start_s: float) -> None:

@@ -258,6 +258,14 @@ def test_the_rest_before_the_program_is_none_of_its_loading(stated):
     assert f"s{shown}: 14" in imported.understood[-1]
 
 
+def test_a_rest_of_the_program_that_the_file_lacks_is_not_taken_for_its_loading():
+    rest = Setup(6.0, 1.0, parse_program("rest:3,ramp:100@20,hold:2"))
+    imported = read(rested(0.0), rest)
+    assert imported.understood[-1].startswith("the program started at -3")
+    phases = imported.curve.phase.tolist()
+    assert (phases.count("load"), phases.count("hold"), len(phases)) == (100, 40, 140)
+
+
 def test_first_samples_may_be_lost_where_the_start_is_stated():
     lost = "t (s);p (mbar);w (mm)\n" + "".join(
         f"{3 + 0.05 * i:.2f};{i};{0.003 * i:.3f}\n" for i in range(60, 101)
