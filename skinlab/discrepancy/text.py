@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection, Sequence
 
 import numpy as np
 
@@ -42,13 +42,18 @@ def verdict_words(outcome: Outcome) -> str:
             assert outcome.learned is not None
             return f"Learned: {outcome.learned.sentence}."
         case "ambiguous":
-            return (
-                "Something is missing, and these explanations are tied: " + "; ".join(names) + "."
-            )
+            tied = f"Something is missing, and these explanations are tied: {'; '.join(names)}."
+            return f"{tied}{in_all_words([c.effects for c in outcome.verdict.explanations], own)}"
         case "unknown":
             return (
                 "Something is missing, and nothing in the library explains it to within the noise."
             )
+
+
+def in_all_words(explanations: Sequence[Collection[str]], own: Collection[str] = ()) -> str:
+    """Return which effects all of some explanations have: of these nothing is open."""
+    common = [e for e in explanations[0] if e not in own and all(e in one for one in explanations)]
+    return f" All of them have {' and '.join(common)}." if common else ""
 
 
 def learned_words(outcome: Outcome) -> list[str]:

@@ -41,6 +41,7 @@ from skinlab.discrepancy.search import Search
 from skinlab.discrepancy.settings import ERRORS, NAMES, PLANS, SEARCH
 from skinlab.discrepancy.space_mapping import MappedModel
 from skinlab.discrepancy.table_domes import TableDomes
+from skinlab.discrepancy.text import in_all_words
 from skinlab.discrepancy.unknowns import Unknowns
 from skinlab.discrepancy.verdict import Verdict, decide, disciplined, outdone_by_names
 from skinlab.mechanics.effects.model import felt_path, solve_skin
@@ -256,6 +257,13 @@ def test_what_a_second_effect_makes_likelier_in_its_residual_alone_is_not_out(ah
         candidate(GAIN, 20.4, 1.1 * just),
     )  # fmt: skip
     assert made == told
+
+
+def test_what_all_that_are_tied_have_is_said():
+    pairs = [(*LAG, *SLIP), (*LAG, *GAIN)]
+    assert in_all_words(pairs) == f" All of them have {LAG[0]}."
+    assert in_all_words([*pairs, GAIN]) == ""
+    assert in_all_words(pairs, own=LAG) == ""
 
 
 def test_a_tie_names_everything_that_is_tied():
