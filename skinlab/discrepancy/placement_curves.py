@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from functools import partial
+from functools import lru_cache, partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -49,7 +49,7 @@ def softer_mm(records: Sequence[Record]) -> Array:
     taken, not at its own time's.
     """
     found = [np.empty(0)] * len(records)
-    felt_mbar = _felt_mbar(records)
+    felt_mbar = _felt_mbar(tuple(records))
     for members in by_condition(records):
         curves = [records[i].curve.deflection_mm for i in members]
         pressures = [felt_mbar[i] for i in members]
@@ -109,7 +109,8 @@ def _with_own(look: ErrorChoice, own_mm: Array, name: str) -> ErrorChoice:
     return replace(look, nodes=tuple(nodes), mode=with_own(look.mode, look.best))
 
 
-def _felt_mbar(records: Sequence[Record]) -> list[Array]:
+@lru_cache(maxsize=4)
+def _felt_mbar(records: tuple[Record, ...]) -> list[Array]:
     """Return of each record the suctions (n,) of which it is a function, most nearly.
 
     With the time of the first order, or the share of dry friction, that leaves least between ways
@@ -177,16 +178,20 @@ def _rubbed_mbar(record: Record, share: float) -> Array:
 
 
 def thickness_slopes(records: Sequence[Record], fit: Fit, domes: TableDomes) -> Array:
-    """Return dw/d(log thickness) (u,), mm, of the plain skin at a fit, where the table speaks."""
+    """Return dw/d(log thickness) (u,), mm, of the plain skin at a fit, where the table speaks.
+
+    Of a dome that comes late, or sticks, it is that of the suction that it has come to.
+    """
     relative: dict[Geometry, tuple[Array, Array]] = {}
     found = []
-    for record, deflection_mm in zip(records, fit.deflections_mm, strict=True):
+    each = zip(records, _felt_mbar(tuple(records)), fit.deflections_mm, strict=True)
+    for record, felt_mbar, deflection_mm in each:
         at = record.geometry
         if at not in relative:
             top = _top_mbar(records, at)
             relative[at] = top * _SHARES, _thickness_share(fit, domes, _as_explained(fit, at), top)
         # The model's deflection: the measured one's noise would explain the noise.
-        found.append(np.interp(record.pressure_mbar, *relative[at]) * deflection_mm)
+        found.append(np.interp(felt_mbar, *relative[at]) * deflection_mm)
     return np.concatenate(found)
 
 
@@ -209,6 +214,7 @@ def bends_mm(
     if not repeated:
         return found
     softer, thicker = _deviations(records, pure, node, before_mm, thickness_mm)
+    felt_mbar = _felt_mbar(tuple(records))
     for members in repeated:
         # What all places of a condition have in common no repeat tells from the skin.
         softer[members] -= softer[members].mean()
@@ -230,7 +236,7 @@ def bends_mm(
         for i, w, slope in zip(members, own, slopes, strict=True):
             straight = softer[i] * p * 0.5 * (mean + slope) + thicker[i] * share * plain
             left = np.nan_to_num((w - plain - straight) / plain)
-            found[i] = np.interp(records[i].pressure_mbar, p, left) * fit.deflections_mm[i]
+            found[i] = np.interp(felt_mbar[i], p, left) * fit.deflections_mm[i]
     return found
 
 

@@ -155,6 +155,23 @@ def test_errors_as_an_explanation_sees_them_have_the_thickness_of_its_own_skin(t
     np.testing.assert_allclose(share, share[0], rtol=1e-9)
 
 
+def test_a_thicker_place_of_a_dome_that_sticks_is_on_its_way_as_well(table, nine):
+    """By the suction of the time, two places of a friction were named "5 % too thick" besides."""
+    _, base = nine
+    plain, domes = records_of(places(table, [(0.0, 0.0)]))[0], TableDomes(table)
+    skin = base.unknowns.skin(base.u)
+    felt = felt_path({"friction_loop": {"share": 0.2}}, plain.path)(plain.curve.time_s)
+
+    def stick(factor):
+        at = replace(plain.geometry, thickness_mm=factor * THICKNESS_MM)
+        return domes([SkinProblem(at, skin)], [150.0])(felt[None])[0]
+
+    exact = (stick(1.01) - stick(0.99)) / np.log(1.01 / 0.99)
+    record = replace(plain, curve=replace(plain.curve, deflection_mm=stick(1.0)))
+    found = thickness_slopes([record], replace(base, deflections_mm=[stick(1.0)]), domes)
+    assert np.abs(found - exact).max() < 0.01 * np.abs(exact).max()
+
+
 def test_a_thickness_of_places_may_do_what_it_does_to_the_skin_of_an_explanation(table, nine):
     """Also of one that says that all of them are thicker."""
     search, base = nine
