@@ -21,7 +21,7 @@ class SampleRules:
 
 @dataclass(frozen=True)
 class SuctionRules:
-    """When a suction is recorded as negative; `pytest tests/unit/curves/test_suction.py`."""
+    """What no curve of suction says; `pytest tests/unit/curves/test_suction.py`."""
 
     about_zero_mbar: float = 2.0
     """Readings this close to zero say nothing: the model is evaluated there, too."""
@@ -29,6 +29,8 @@ class SuctionRules:
     """Readings below that; fewer may be glitches."""
     nearly_all: float = 0.9
     """Of those that are not about zero."""
+    high: float = 0.9
+    """So many of the deflections have to be below the opening's diameter; others are glitches."""
 
 
 @dataclass(frozen=True)
@@ -98,9 +100,26 @@ class ProbeRules:
     """Samples over which dp/dt is read: a lag moves readings by it."""
 
 
+@dataclass(frozen=True)
+class PressureGlitchRules:
+    """What is no suction; `pytest tests/unit/curves/test_pressure_glitches.py` moves with them."""
+
+    least_mbar: float = 15.0
+    """Off its neighbours: less does little to a fit, and a regulator may overshoot by it,"""
+    of_top: float = 0.1
+    """or by this share of the highest suction,"""
+    top: float = 0.95
+    """which so many of the readings are below;"""
+    deviations: float = 10.0
+    """standard deviations of the channel's noise."""
+    fewest: int = 5
+    """Samples of a curve in which that can be told."""
+
+
 SAMPLES = SampleRules()
 SUCTION = SuctionRules()
 AS_STATED = AsStatedRules()
 STEP = StepRules()
 HEIGHTS = HeightRules()
 PROBE = ProbeRules()
+GLITCHES = PressureGlitchRules()

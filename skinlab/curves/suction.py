@@ -26,6 +26,20 @@ def check_suction(curve: Curve) -> None:
     )
 
 
+def check_height(curve: Curve) -> None:
+    """Refuse a curve whose dome is higher than its opening is wide; a glitch may be.
+
+    Raises:
+        InputError: so it is, as of a deflection in µm; names the curve.
+    """
+    aperture = curve.setup.aperture_mm
+    if len(curve) and np.quantile(np.abs(curve.deflection_mm), SUCTION.high) > aperture:
+        raise InputError(
+            f"{curve.name}: deflection_mm goes to {np.abs(curve.deflection_mm).max():g} under an "
+            f"opening of {aperture:g} mm; expected less (is its unit right?)"
+        )
+
+
 def check_dome(curve: Curve) -> None:
     """Refuse a curve whose deflection is the same all the time, however the suction changes.
 

@@ -31,7 +31,7 @@ def adopted(
 ) -> Model:
     """Return the base model with what was missing: values, priors as wide as they are sure.
 
-    `data` are hashes by file.
+    `data` are hashes by file; those that the base model was learned from are kept beside them.
 
     Raises:
         InputError: the verdict names no effect.
@@ -63,13 +63,24 @@ def adopted(
         dict(base.parameters) or _law_ranges(base),
         effects,
         Provenance(
-            dict(data),
+            _all_data(base, data),
             {"skinlab": __version__, "solver": SOLVER_VERSION, "database": database_hash},
             outcome.verdict.name,
             now.astimezone(UTC).date().isoformat(),
             base.hash,
         ),
     )
+
+
+def _all_data(base: Model, data: Mapping[str, str]) -> dict[str, str]:
+    """Return hashes by file of these data, and of those that the base model's effects are from."""
+    found = dict(data)
+    for name, content in base.provenance.data.items():
+        if content not in found.values():
+            while name in found:  # another file of the same name
+                name = f"earlier {name}"
+            found[name] = content
+    return found
 
 
 def _law_ranges(base: Model) -> dict[str, Range]:

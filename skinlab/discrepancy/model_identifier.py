@@ -26,7 +26,7 @@ from skinlab.inference.identify import Identifier
 from skinlab.inference.intervals import most_of_the_range
 from skinlab.inference.joint import GaussianPrior
 from skinlab.inference.result import Identification, Value
-from skinlab.inference.samples import EVERYTHING, Fitted, choose
+from skinlab.inference.samples import EVERYTHING, Fitted, choose, glitches_of
 from skinlab.mechanics.materials import get_law
 from skinlab.mechanics.model_file import Model
 from skinlab.parameters import Space
@@ -110,7 +110,7 @@ class ModelIdentifier(Identifier):
         campaign = Campaign(
             "", sensor.noise_um, sensor.pressure_noise_mbar, tuple(m.samples for m in members)
         )
-        records = records_of(campaign)
+        records = records_of(campaign, every=True)
         search = Search(
             Fitter(records, errors_of(records), TableDomes(self.database)),
             model=self.model,
@@ -126,11 +126,12 @@ class ModelIdentifier(Identifier):
         off = np.concatenate(fit.deflections_mm) - fitter.measured
         rms_um = 1e3 * float(np.sqrt(np.mean(off**2)))
         judged = judge_errors(errors, sensor.noise_um, rms_um)
+        left_out = sum(int((~k).sum()) for k in search.kept) + glitches_of(members)
         said = (
             *_flags(members, fit, left, self.seed),
             *judged.flags,
             *(["misfit_above_noise"] if base.left.p_value < ERRORS.adequate else []),
-            *([f"outliers:{n}"] if (n := sum(int((~k).sum()) for k in search.kept)) else []),
+            *([f"outliers:{left_out}"] if left_out else []),
         )
         law = get_law(self.model.model.law)
         values = {n: Value(v["value"], v["low"], v["high"]) for n, v in left.parameters.items()}
@@ -162,6 +163,8 @@ def _drawn(
     time = member.curve.time_s[member.mask]
     fitted, outliers = member.mask.copy(), np.zeros(len(member.mask), dtype=bool)
     fitted[member.mask], outliers[member.mask] = kept, ~kept
+    if member.glitches is not None:
+        outliers |= member.glitches
     model_mm = np.full(len(member.mask), np.nan)
     model_mm[member.mask] = np.interp(time, time[kept], deflection)
     return replace(found, fitted=fitted, outliers=outliers, model_mm=model_mm)

@@ -13,8 +13,9 @@ from numpy.typing import NDArray
 from skinlab.curves.campaign import Campaign
 from skinlab.curves.corrected import corrected
 from skinlab.curves.curve import Curve
+from skinlab.curves.pressure_glitches import pressure_glitches
 from skinlab.curves.pressure_path import PressurePath
-from skinlab.curves.suction import check_dome, check_suction
+from skinlab.curves.suction import check_dome, check_height, check_suction
 from skinlab.discrepancy.settings import ERRORS
 from skinlab.errors import InputError
 from skinlab.inference.batch import noise_from_repeats_um
@@ -95,16 +96,17 @@ class Record:
         return (setup.aperture_mm, str(setup.program or ""), setup.cycle == 1)
 
 
-def records_of(campaign: Campaign) -> list[Record]:
+def records_of(campaign: Campaign, *, every: bool = False) -> list[Record]:
     """Return the curves with their noise: stated, else from repeats, else from each curve.
 
     Errors that the calibration of a curve's probe knows are taken off. Where the pressure channel
     follows the program to within its noise, the skin felt the program; else what the channel says,
-    with its noise.
+    with its noise. Samples whose pressure is a glitch of the channel are left out, unless
+    `every` one has been chosen already.
 
     Raises:
-        InputError: a curve is too short, its suction is recorded as negative, or its deflection is
-            the same at every suction; names it.
+        InputError: a curve is too short, its suction is recorded as negative, its deflection is
+            the same at every suction, or higher than its opening is wide; names it.
     """
     found = []
     for curve, placement in zip(campaign.curves, placements_of(campaign.curves), strict=True):
@@ -112,9 +114,13 @@ def records_of(campaign: Campaign) -> list[Record]:
             raise InputError(f"{curve.name}: {count} samples; expected {ERRORS.fewest} or more")
         check_suction(curve)
         check_dome(curve)
+        check_height(curve)
         true = curve if curve.probe is None else corrected(curve, curve.probe)
+        noise_mbar = pressure_noise_mbar(true.time_s, true.pressure_mbar)
+        bad = pressure_glitches(true, noise_mbar) & (not every)
+        true = true.only(~bad) if bad.any() else true
         one = _record(true, campaign.noise_um, campaign.pressure_noise_mbar)
-        found.append(replace(one, placement=placement))
+        found.append(replace(one, placement=placement, glitches=int(bad.sum())))
     if campaign.noise_um is None:
         # A lone curve's roughness is known to a tenth only: one instrument, one noise.
         weights = [float(len(r.curve)) for r in found]
@@ -244,7 +250,7 @@ def coarsened(record: Record, rate_hz: float) -> Record:
     return replace(
         record, curve=coarse, pressure_mbar=mean(record.pressure_mbar), coarse=size,
         pressure_sd_mbar=record.pressure_sd_mbar * by, noise_um=record.noise_um * by,
-        glitches=int((~kept).sum()), step_um=step_um(w),
+        glitches=record.glitches + int((~kept).sum()), step_um=step_um(w),
         noisier=np.sqrt(each / count[held]) if jumps.any() else 1.0,
     )  # fmt: skip
 

@@ -36,7 +36,7 @@ from skinlab.inference.optimise import polish
 from skinlab.inference.posterior import Draws
 from skinlab.inference.problem import Estimate, Options, Problem, SquaredMisfit
 from skinlab.inference.result import Advice, Identification, Provenance, Value
-from skinlab.inference.samples import Fitted, Group, choose, group
+from skinlab.inference.samples import Fitted, Group, choose, glitches_of, group
 from skinlab.inference.settings import INTERVALS, NOISE, OUTLIERS, STARTS
 from skinlab.inference.uncertainty import (
     Elsewhere,
@@ -403,7 +403,10 @@ class Identifier:
             _, model_mm[mask] = as_read(members[0].curve, groups[0].pressure_mbar, at_best)
             fitted, outliers = mask.copy(), np.zeros(len(mask), dtype=bool)
             fitted[mask], outliers[mask] = kept, ~kept
+            if members[0].glitches is not None:
+                outliers |= members[0].glitches
         points = int(kept.sum())
+        left_out = int((~kept).sum()) + glitches_of(members)
         values = {n: Value(float(v)) for n, v in zip(problem.space.names, x, strict=True)}
         return replace(
             blank,
@@ -418,7 +421,7 @@ class Identifier:
             flags=(
                 *self._flags(members, self._space(models), estimate),
                 *(["crease"] if any(m.creases(x[None])[0] for m in models) else []),
-                *([f"outliers:{int((~kept).sum())}"] if not kept.all() else []),
+                *([f"outliers:{left_out}"] if left_out else []),
             ),
             fitted=fitted,
             fitted_points=points,

@@ -11,9 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skinlab.curves.curve import Curve, Setup
+from skinlab.curves.pressure_glitches import pressure_glitches
 from skinlab.curves.settings import SAMPLES
-from skinlab.curves.suction import check_suction
+from skinlab.curves.suction import check_height, check_suction
 from skinlab.errors import InputError
+from skinlab.inference.noise import pressure_noise_mbar
 from skinlab.inference.pressure_course import smooth_course
 from skinlab.inference.settings import STARTS
 from skinlab.mechanics.fem.suction import Geometry
@@ -35,6 +37,7 @@ class Fitted:
     every: int = 1  # of those that could be: of a very long curve one in so many
     beyond: int = 0  # samples that the database does not speak of
     placement: int = 0  # among curves that are fitted together
+    glitches: NDArray[np.bool_] | None = None  # (n,) left out: their pressure is none
 
     @property
     def count(self) -> int:
@@ -150,24 +153,34 @@ def choose(
     """Return the samples of the phases that the database speaks of, evenly some of very many.
 
     Raises:
-        InputError: they are too few, or the suction is recorded as negative.
+        InputError: they are too few, the suction is recorded as negative, or the dome is higher
+            than its opening is wide.
         NotTrustworthyError: it does not speak of such a curve at all.
     """
     check_suction(curve)
+    check_height(curve)
     asked = curve.in_phases(phases)
     mask = asked & database.covers(curve)
+    noise_mbar = pressure_noise_mbar(curve.time_s, curve.pressure_mbar)
+    glitches = mask & pressure_glitches(curve, noise_mbar)
+    mask &= ~glitches
     if int(mask.sum()) < SAMPLES.fewest:
         raise InputError(
             f"{curve.name}: {counted(int(mask.sum()), 'sample')} to fit "
             f"in phases {','.join(phases)}; expected at least {SAMPLES.fewest}"
         )
-    beyond = int(asked.sum()) - int(mask.sum())
+    beyond = int(asked.sum()) - int((mask | glitches).sum())
     every = math.ceil(int(mask.sum()) / most_samples)
     if every > 1:
         at = np.flatnonzero(mask)[::every]
         mask = np.zeros(len(mask), dtype=bool)
         mask[at] = True
-    return Fitted(curve, mask, every, beyond)
+    return Fitted(curve, mask, every, beyond, glitches=glitches)
+
+
+def glitches_of(members: Sequence[Fitted]) -> int:
+    """Return how many samples of some curves are left out since their pressure is none."""
+    return sum(0 if m.glitches is None else int(m.glitches.sum()) for m in members)
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from skinlab.curves.curve import Curve, Setup
-from skinlab.curves.suction import check_dome, check_suction
+from skinlab.curves.suction import check_dome, check_height, check_suction
 from skinlab.errors import InputError
 
 
@@ -44,3 +44,14 @@ def test_a_sensor_that_reads_the_same_all_the_time_is_refused():
     )
     for good in (nothing_happens, moves):
         check_dome(good)
+
+
+def test_a_dome_that_is_higher_than_its_opening_is_wide_is_refused():
+    """A curve in µm, answered with a scatter of placements of 39 %; one reading may be a glitch."""
+    flat = curve(np.linspace(0.0, 100.0, 50))
+    mm = 3e-3 * flat.pressure_mbar
+    high = Curve("c", flat.setup, flat.time_s, flat.pressure_mbar, 1e3 * mm)
+    with pytest.raises(InputError, match="c: deflection_mm goes to 300 under an opening of 6 mm"):
+        check_height(high)
+    glitch = np.where(np.arange(50) == 20, 9.9, mm)
+    check_height(Curve("c", flat.setup, flat.time_s, flat.pressure_mbar, glitch))

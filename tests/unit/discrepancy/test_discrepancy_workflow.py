@@ -6,10 +6,12 @@ from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
 
+import msgspec
 import numpy as np
 import pytest
 
 from sim_device.skin import MESH
+from skinlab.api import explaining
 from skinlab.curves.campaign import Campaign
 from skinlab.curves.curve import Curve, Setup
 from skinlab.curves.pressure_path import PressurePath
@@ -30,7 +32,7 @@ from skinlab.discrepancy.workflow import Partial, explain
 from skinlab.mechanics.effects import library_names
 from skinlab.mechanics.effects.model import Skin, response
 from skinlab.mechanics.fem.suction import Geometry
-from skinlab.mechanics.model_file import BASE, EffectRange, Header, Model
+from skinlab.mechanics.model_file import BASE, EffectRange, Header, Model, Normal
 from skinlab.mechanics.names import effect_words
 from skinlab.report.missing_effect import render
 
@@ -157,11 +159,28 @@ def test_curves_that_a_model_was_learned_from_count_once(table, off_zero, explai
         known = outcome.parameters(outcome.best)["deflection_offset.offset_um"]
         return known["high"] - known["low"]
 
+    more = adopted(model, first, data={"0.csv": "sha256:1"}, database_hash="", now=now)
+    assert more.provenance.data == {"0.csv": "sha256:1", "earlier 0.csv": "sha256:0"}
     assert document(again)["learned_from_these"]
     assert "count once" in describe(again)
     assert not elsewhere.learned_from_these
     assert width(elsewhere) < 0.9 * width(again)
     assert width(again) > 0.8 * width(first)
+
+
+def test_the_cache_knows_whether_a_model_was_learned_from_these_data(table, off_zero, monkeypatch):
+    """Its hash is without where it is from; whether its priors count depends on that."""
+    asked = []
+    monkeypatch.setattr(explaining.cache, "load", lambda name, records: asked.append(name) or name)
+    known = EffectRange(25.0, None, None, Normal(25.0, 1.0))
+    model = Model(Header("m"), effects={"deflection_offset": {"offset_um": known}})
+    for content in ("sha256:1", "sha256:2"):
+        learned = msgspec.structs.replace(
+            model, provenance=msgspec.structs.replace(model.provenance, data={"f.csv": content})
+        )
+        assert learned.hash == model.hash
+        explaining.outcome_of(off_zero, {"0.csv": "sha256:1"}, learned, table)
+    assert len(set(asked)) == 2
 
 
 @pytest.mark.long

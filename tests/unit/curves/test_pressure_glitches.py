@@ -1,0 +1,63 @@
+"""One reading of the pressure that is none is found; what a pump does is no glitch."""
+
+import numpy as np
+import pytest
+
+from skinlab.curves.curve import Curve, Setup
+from skinlab.curves.pressure_glitches import pressure_glitches
+from skinlab.curves.pressure_path import PressurePath
+from skinlab.curves.program import parse_program
+
+PROGRAMS = (
+    "ramp:100@20,ramp:0@20", "ramp:100@80,hold:3,ramp:0@80", "ramp:300@60,release,rest:2",
+    "mode1:80,2,2,4", "mode1:450,1,1,3", "ramp:400@200,ramp:0@200", "mode3:100,2@50",
+    "ramp:20@5",
+)  # fmt: skip
+
+
+def measured(program, *, stated=True, rate_hz=20.0, noise_mbar=0.2, lag_s=0.0, seed=0):
+    asked = parse_program(program)
+    rng = np.random.default_rng(seed)
+    time = np.arange(int(asked.duration_s * rate_hz)) / rate_hz
+    pressure = PressurePath.of_program(asked).late_by(lag_s)(time)
+    pressure = pressure + rng.normal(0, noise_mbar, len(time))
+    return Curve("c", Setup(6.0, 1.0, asked if stated else None), time, pressure, 3e-3 * pressure)
+
+
+def found(curve, noise_mbar=0.2):
+    return np.flatnonzero(pressure_glitches(curve, noise_mbar)).tolist()
+
+
+@pytest.mark.parametrize("stated", [True, False])
+@pytest.mark.parametrize("rate_hz", [5.0, 20.0, 100.0])
+@pytest.mark.parametrize("program", PROGRAMS)
+def test_what_a_pump_does_is_none(program, rate_hz, stated):
+    for lag_s in (0.0, 0.03, 0.1, 0.4):
+        assert found(measured(program, stated=stated, rate_hz=rate_hz, lag_s=lag_s)) == []
+
+
+@pytest.mark.parametrize("size_mbar", [30.0, -40.0, 94.0])
+@pytest.mark.parametrize("at", [[1], [57], [98], [120, 121], [30, 90]])
+def test_a_reading_that_is_none_is_found(size_mbar, at):
+    """One of +30 mbar made a tension of 3 % nothing, and a placement's scatter 41 %."""
+    curve = measured("ramp:100@20,ramp:0@20")
+    assert len(curve) == 200
+    curve = Curve("c", curve.setup, curve.time_s, bent(curve, at, size_mbar), curve.deflection_mm)
+    assert found(curve) == at
+
+
+def bent(curve, at, size_mbar):
+    pressure = curve.pressure_mbar.copy()
+    pressure[at] += size_mbar
+    return pressure
+
+
+def test_noise_is_none():
+    curve = measured("ramp:100@20,ramp:0@20", noise_mbar=4.0, rate_hz=200.0)
+    assert found(curve, 4.0) == []
+
+
+def test_a_short_pulse_that_was_asked_for_is_none():
+    """Of 0.1 s at 10 samples a second one alone is high."""
+    program = "ramp:80@2000,hold:0.1,release,rest:1,ramp:80@2000,hold:0.1,release,rest:1"
+    assert found(measured(program, rate_hz=10.0)) == []
