@@ -75,8 +75,9 @@ def adopted(
 def _all_data(base: Model, data: Mapping[str, str]) -> dict[str, str]:
     """Return hashes by file of these data, and of those that the base model's effects are from."""
     found = dict(data)
-    for name, content in base.provenance.data.items():
+    for file, content in base.provenance.data.items():
         if content not in found.values():
+            name = file
             while name in found:  # another file of the same name
                 name = f"earlier {name}"
             found[name] = content

@@ -76,6 +76,10 @@ def judge_errors(
             flags.append("stated_noise_contradicted")
             why.append(f"stated {stated_um:.3g} µm, found {all_um:.3g} µm")
             misses = misses or all_um > stated_um
+    each_um = errors.quantile_of(sizes.noise_um(lasting=False, proportional=False), 0.5)
+    if each_um > JUDGEMENT.most_each_um and (stated_um is None or misses):
+        why.append(f"{each_um:.0f} µm of each sample alone is no sensor's noise")
+        misses = True
     zero_um = errors.median(lambda node: node.values.get("placement_offset_um", 0.0))
     if zero_um > JUDGEMENT.most_zero_um:
         why.append(f"zeros of placements are off by {zero_um:.0f} µm")
@@ -150,13 +154,17 @@ class _Sizes:
         """Return the size (nodes,) of errors that last."""
         return np.sqrt(self.squares @ [float(name in self.lasting) for name in self.kinds])
 
-    def noise_um(self, *, lasting: bool = True, rounding: bool = True) -> Array:
+    def noise_um(
+        self, *, lasting: bool = True, rounding: bool = True, proportional: bool = True
+    ) -> Array:
         """Return the standard deviations (nodes,) of a deflection sample's errors.
 
         The pressure's noise and what placements do are not among them, nor, if so asked, are errors
-        that last and rounding.
+        that last, rounding, and shares of the deflection.
         """
         without = _OTHER if lasting else _OTHER | self.lasting
         if not rounding:
             without = without | {"quantised"}
+        if not proportional:
+            without = without | {"proportional"}
         return np.sqrt(self.squares @ [float(name not in without) for name in self.kinds])

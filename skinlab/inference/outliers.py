@@ -55,6 +55,39 @@ def outlier_probability(
         chosen = here[worst][np.argsort(-np.abs(off / sigma)[worst])][:most]
         kept[chosen] = False
     found[kept] = np.minimum(found[kept], 0.5)
+    return _by_whole_runs(found, linear.residual_mm, samples, max(step_mm, OUTLIERS.least_mm))
+
+
+def _by_whole_runs(probability: Array, residual: Array, samples: Samples, least_mm: float) -> Array:
+    """Return the probabilities (u,), where several samples in a row are off, of the row as it is.
+
+    Four or five samples that are off together look like an error that lasts: its flanks were left
+    out, with good samples beside them, and its middle was kept. So near those that are left out
+    what belongs is what lies between the samples on either side.
+    """
+    found = probability.copy()
+    reach, most = OUTLIERS.run, int(OUTLIERS.most * len(found))
+    for begin, end in zip((0, *samples.ends[:-1]), samples.ends, strict=True):
+        out = begin + np.flatnonzero(found[begin:end] > 0.5)
+        for near in np.split(out, np.flatnonzero(np.diff(out) > reach) + 1):
+            if len(near) < 2:
+                continue
+            low, high = max(begin, near[0] - reach), min(end, near[-1] + reach + 1)
+            sides = [residual[max(begin, low - 2 * reach) : low], residual[high : high + 2 * reach]]
+            sides = [side for side in sides if len(side) >= reach]
+            if not sides:
+                continue
+            level = [float(np.median(side)) for side in sides]
+            rest = np.concatenate([s - one for s, one in zip(sides, level, strict=True)])
+            spread = max(float(np.median(np.abs(rest))) / SPREAD, least_mm)
+            if abs(level[-1] - level[0]) > OUTLIERS.run_off * spread:
+                continue  # a jump, and no run
+            off = np.abs(residual[low:high] - np.linspace(level[0], level[-1], high - low))
+            run = off > OUTLIERS.run_off * spread
+            others = int((found > 0.5).sum()) - len(near)
+            if 2 <= run.sum() <= min(2 * reach, most - others):
+                found[low:high] = np.where(run, 1.0, np.minimum(found[low:high], 0.5))
+                found[low:high][~run & (probability[low:high] > 0.5)] = 0.0
     return found
 
 

@@ -85,6 +85,10 @@ class OutlierRules:
     """Outliers of so many samples, before the data."""
     most: float = 0.1
     """Share of all samples; more are no outliers."""
+    run: int = 4
+    """Samples between two that are left out, or fewer: these may be of one glitch, which ends so"""
+    run_off: float = 8.0
+    """many standard deviations of its neighbours off them."""
     searches: int = 12
     """Times that the samples of one fit are looked through,"""
     fits: int = 4
@@ -245,6 +249,9 @@ class JudgementRules:
     most_um: float = 8.0
     """Of errors that last: more is no tremor, but something missing: `misfit_above_noise`. Tremor,
     breathing and creep that were published stay below it."""
+    most_each_um: float = 30.0
+    """Of what each sample has alone, shares of the deflection apart: more is likewise. Steps of
+    10 µm are 3 µm; of more glitches than are left out it may be 120 µm."""
     most_zero_um: float = 10.0
     """Of placements' zeros, of which 4 µm are expected, 8 µm in one of twenty: more is likewise."""
     at_bound: float = 1e-5

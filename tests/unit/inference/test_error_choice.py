@@ -291,6 +291,16 @@ class TestOutliers:
         errors[[40, 41, 42, 80]] += [0.06, 0.1, -0.05, 0.04]
         assert np.flatnonzero(self.probability(errors) > 0.5).tolist() == [40, 41, 42, 80]
 
+    @pytest.mark.parametrize("at", [0, 20, 60, 96])
+    @pytest.mark.parametrize("count", [4, 5])
+    def test_a_row_of_samples_that_are_off_is_left_out_whole(self, count, at):
+        """Its flanks were, with good samples beside them, and its middle was kept."""
+        for seed in range(3):
+            errors = white(np.random.default_rng(seed))
+            errors[at : at + count] += 0.3
+            out = np.flatnonzero(self.probability(errors) > 0.5)
+            assert out.tolist() == list(range(at, at + count))
+
     def test_noise_and_errors_that_last_have_few(self):
         found = 0
         for seed in range(60):

@@ -187,6 +187,15 @@ class TestErrorsAsTheyAre:
             assert value.low < result.parameters[name].value < value.high
         assert "left out" in describe(result)
 
+    def test_more_glitches_than_are_left_out_are_no_noise(self, table):
+        """It was "white 112 µm", of which no flag spoke."""
+        extra = np.zeros(51)
+        extra[3:48:5] = 0.3
+        result = Identifier(table)(curve_of(table, SKIN, noise_um=3.0, seed=4, extra_mm=extra))
+        assert result.noise_um > 50.0
+        assert "misfit_above_noise" in result.flags
+        assert "of each sample alone is no sensor's noise" in result.error_model.why
+
     def test_errors_that_last_widen_and_are_said(self, table):
         pressure, found = np.linspace(0, 100, 101), []
         for seed in range(4):
