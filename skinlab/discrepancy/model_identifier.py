@@ -26,7 +26,7 @@ from skinlab.inference.identify import Identifier
 from skinlab.inference.intervals import most_of_the_range
 from skinlab.inference.joint import GaussianPrior
 from skinlab.inference.result import Identification, Value
-from skinlab.inference.samples import EVERYTHING, Fitted, choose, glitches_of
+from skinlab.inference.samples import EVERYTHING, Fitted, choose, glitches_of, outliers_by_file
 from skinlab.mechanics.materials import get_law
 from skinlab.mechanics.model_file import Model
 from skinlab.parameters import Space
@@ -151,7 +151,9 @@ class ModelIdentifier(Identifier):
             flags=tuple(dict.fromkeys(said)),
             fitted_points=len(off),
         )
-        return found if len(curves) > 1 else _drawn(found, members[0], search.kept[0], fitter, fit)
+        if len(curves) > 1:
+            return replace(found, outliers_by_file=outliers_by_file(members, search.kept))
+        return _drawn(found, members[0], search.kept[0], fitter, fit)
 
 
 def _drawn(

@@ -36,7 +36,14 @@ from skinlab.inference.optimise import polish
 from skinlab.inference.posterior import Draws
 from skinlab.inference.problem import Estimate, Options, Problem, SquaredMisfit
 from skinlab.inference.result import Advice, Identification, Provenance, Value
-from skinlab.inference.samples import Fitted, Group, choose, glitches_of, group
+from skinlab.inference.samples import (
+    Fitted,
+    Group,
+    choose,
+    glitches_of,
+    group,
+    outliers_by_file,
+)
 from skinlab.inference.settings import INTERVALS, NOISE, OUTLIERS, STARTS
 from skinlab.inference.uncertainty import (
     Elsewhere,
@@ -396,7 +403,11 @@ class Identifier:
         x = estimate.parameters
         members = [member for g in groups for member in g.members]
         fitted, model_mm, outliers = None, None, None
-        if len(members) == 1:
+        by_file: dict[str, list[int]] = {}
+        if len(members) > 1:
+            ends = np.cumsum([m.count for m in members])[:-1]
+            by_file = outliers_by_file(members, np.split(kept, ends))
+        else:
             mask = members[0].mask
             model_mm = np.full(len(mask), np.nan)
             at_best = models[0].deflection_mm(x[None])[0]
@@ -427,6 +438,7 @@ class Identifier:
             fitted_points=points,
             model_mm=model_mm,
             outliers=outliers,
+            outliers_by_file=by_file,
         )
 
     def _flags(self, members: Sequence[Fitted], space: Space, estimate: Estimate) -> list[str]:

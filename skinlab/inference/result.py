@@ -58,6 +58,8 @@ class Identification:
     fitted: NDArray[np.bool_] | None = None  # (points,) which samples were fitted
     model_mm: Array | None = None  # (points,) the fitted curve; NaN where there is no model
     outliers: NDArray[np.bool_] | None = None  # (points,) left out, since they do not belong
+    # The same of curves together: numbers by file, of those that have any.
+    outliers_by_file: dict[str, list[int]] = field(default_factory=dict)
     error_model: ErrorModelSummary | None = None  # of the samples' errors, with intervals
     placement: PlacementSummary | None = None  # of several curves, where placements may differ
     fitted_points: int = 0
@@ -96,6 +98,7 @@ class Identification:
             "outliers": []
             if self.outliers is None
             else [int(i) for i in self.outliers.nonzero()[0]],
+            **({"outliers_by_file": self.outliers_by_file} if self.outliers_by_file else {}),
             "iterations": self.iterations,
             "evaluations": self.evaluations,
             "seconds": self.seconds,

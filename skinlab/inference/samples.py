@@ -183,6 +183,20 @@ def glitches_of(members: Sequence[Fitted]) -> int:
     return sum(0 if m.glitches is None else int(m.glitches.sum()) for m in members)
 
 
+def outliers_by_file(
+    members: Sequence[Fitted], kept: Sequence[NDArray[np.bool_]]
+) -> dict[str, list[int]]:
+    """Return which samples of each curve are left out, of its chosen ones (count,) those kept."""
+    found: dict[str, list[int]] = {}
+    for member, belong in zip(members, kept, strict=True):
+        out = np.flatnonzero(member.mask)[~belong].tolist()
+        if member.glitches is not None:
+            out += np.flatnonzero(member.glitches).tolist()
+        if out:
+            found[member.curve.name] = sorted(out)
+    return found
+
+
 @dataclass(frozen=True, eq=False)
 class Group:
     """Curves of one geometry, end to end."""

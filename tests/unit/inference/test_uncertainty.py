@@ -771,8 +771,11 @@ def test_short_repeats_of_another_stiffness_are_no_outliers(table):
         w = table.model(Geometry(6.0, 1.0), pressure * np.exp(softer)).deflection_mm(SKIN[None])[0]
         if number == 1:
             w[12] += 0.3  # off by more than any placement makes: left out as ever
+        if number == 2:
+            pressure[9] -= 30.0  # no suction goes there and back
         w = w + 2e-3 * rng.standard_normal(len(time))
         curves.append(Curve(f"c{number}", setup, time, pressure, w))
     found = Identifier(table).joint(curves)
-    assert "outliers:1" in found.flags
+    assert "outliers:2" in found.flags
+    assert found.to_json()["outliers_by_file"] == {"c1": [12], "c2": [9]}
     assert found.placement.count == 3
