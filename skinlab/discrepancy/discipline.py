@@ -343,19 +343,20 @@ def by_part(node: Node, did_mm: Array) -> dict[str, Array]:
     return {name: did_mm[:, columns].sum(axis=1) for name, columns in where.items()}
 
 
-def shares_of(
-    errors: CampaignErrors, base: Candidate, best: Candidate, linear: Linearised
-) -> Shares:  # fmt: skip
-    """Return the shares of the gap, by the most probable errors under `best`."""
+def shares_of(errors: CampaignErrors, base: Linearised, linear: Linearised) -> Shares:
+    """Return the shares of the gap, by the most probable errors under the best explanation.
+
+    `linear` is that one about its fit, `base` the model as it is about its own.
+    """
     node = errors.looks[-1].nodes[0]
     did = by_part(node, linear.shares(node.covariance))
     mesh = did["mesh"]
     placement = sum(
         (what for name, what in did.items() if name.startswith("placement")), np.zeros_like(mesh)
     )
-    effect = np.concatenate(best.fit.deflections_mm) - np.concatenate(base.fit.deflections_mm)
     # These errors have their own optimum: a fit by others may stand off it, as placements do.
-    rest = linear.residual_mm - linear.explained_mm(node.covariance) - mesh - placement
+    gap, left = (one.residual_mm - one.explained_mm(node.covariance) for one in (base, linear))
+    effect, rest = gap - left, left - mesh - placement
     return Shares(*(1e3 * float(np.sqrt(np.mean(v**2))) for v in (rest, placement, mesh, effect)))
 
 

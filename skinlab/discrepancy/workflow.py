@@ -128,7 +128,7 @@ def explain(
     verdict, found = tried.verdict, tried.found
     progress("working out the intervals")
     chosen = verdict.explanations[0] if verdict.explanations else found.base
-    shares = shares_of(search.errors, found.base, chosen, search.linear(chosen.fit))
+    shares = shares_of(search.errors, *map(search.linear, (found.base.fit, chosen.fit)))
     final, held = tried.final, tried.held
     refined = tried.again(chosen.fit)
     if not _moves(chosen):
