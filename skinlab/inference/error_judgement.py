@@ -74,7 +74,10 @@ def judge_errors(
         seen = all_um < stated_um or residual_um > JUDGEMENT.contradicted * stated_um
         if seen and all(contradicted for _, contradicted in found):
             flags.append("stated_noise_contradicted")
-            why.append(f"stated {stated_um:.3g} µm, found {all_um:.3g} µm")
+            both = f"stated {stated_um:.3g} µm, found {all_um:.3g} µm"
+            if misses:  # the noise that is told is then without them
+                both += f" with errors that last, {noise:.3g} µm without"
+            why.append(both)
             misses = misses or all_um > stated_um
     zero_um = errors.median(lambda node: node.values.get("placement_offset_um", 0.0))
     if zero_um > JUDGEMENT.most_zero_um:
