@@ -727,3 +727,13 @@ def test_two_noises_that_were_found_are_told_apart():
     assert both.endswith(f" µm with errors that last, {judged.noise_um:.3g} µm without")
     white_alone = judge_errors(chosen(white(rng, 6.0), noise_um=3.0), 3.0)
     assert white_alone.summary.why.endswith("µm")
+
+
+def test_a_pulse_is_told_with_the_frequency_that_is_reported():
+    """One line had said "at 1.1 Hz (a pulse at 1 Hz)": where it was first seen."""
+    rng = np.random.default_rng(5)
+    two = np.sin(2 * np.pi * 1.35 * TIME + 5.0) + np.sin(2 * np.pi * 1.05 * TIME)
+    told = judge_errors(chosen(white(rng, 1.5) + 3e-3 * two), None).summary
+    hz = f"{told.parameters['pulse_hz']:.2g}"
+    assert hz == "1.1"
+    assert told.why.endswith(f"a pulse at {hz} Hz")
