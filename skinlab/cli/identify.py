@@ -71,7 +71,8 @@ def command(
     would narrow the intervals most (of all curves together, or of the first).
     With --database the answer comes from a database of your own; if its model has effects, their
     parameters are identified too, as far as they are axes of it.
-    A session that was measured with a probe file is read with it.
+    A session that was measured with a probe file is read with it, and with the noise that was
+    stated when it was measured.
     With --prior what a study knows of such people narrows the intervals; a skin that is unlike them
     keeps its own, and gets the flag unlike_cohort.
 
@@ -201,8 +202,6 @@ def _beside(
 def _each(identifier: Identifier, given: Input, workers: int) -> list[Any]:
     from skinlab.inference.batch import identify_all, with_stated_noise
 
-    if given.measured_here:  # the same answers as when they were measured
-        return identify_all(identifier, given.curves, workers)
     knowing = with_stated_noise(identifier, given.noise_um, given.pressure_noise_mbar)
     return identify_all(knowing, given.curves, workers)
 

@@ -14,7 +14,7 @@ from skinlab.io.documents import toml_text
 from skinlab.io.files import write_file
 from skinlab.mechanics.names import of_law
 from skinlab.recording.clocks import clock_readings
-from skinlab.recording.session import Session
+from skinlab.recording.session import Session, stated_noise
 from skinlab.recording.stream import setup_to_json
 from skinlab.text import csv_cell, inert, json_text
 
@@ -144,9 +144,14 @@ def _csv(rows: list[Any]) -> str:
 
 
 def _campaign(session: Session) -> str:
+    noise_um, pressure_noise_mbar = stated_noise(session.meta)
     return toml_text(
         {
-            "campaign": {"title": inert(str(session.meta.get("site") or "exported"))},
+            "campaign": {
+                "title": inert(str(session.meta.get("site") or "exported")),
+                "noise_um": noise_um,
+                "pressure_noise_mbar": pressure_noise_mbar,
+            },
             "curve": [
                 {"file": _file(number)} | setup_to_json(curve.setup)
                 for number, curve in enumerate(session.curves, start=1)

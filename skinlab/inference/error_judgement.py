@@ -63,7 +63,8 @@ def judge_errors(
     if lasts >= JUDGEMENT.sure:
         flags.append("correlated_noise")
     told = errors.told
-    why = [part.why for part in told.parts if part.why]
+    numbers = {k: v for k, v in errors.parameters().items() if not k.startswith("placement_")}
+    why = [_with_numbers(part.why, numbers) for part in told.parts if part.why]
     if stated_um is not None:
         # A statement may or may not count the rounding as noise.
         found = [
@@ -74,7 +75,10 @@ def judge_errors(
         seen = all_um < stated_um or residual_um > JUDGEMENT.contradicted * stated_um
         if seen and all(contradicted for _, contradicted in found):
             flags.append("stated_noise_contradicted")
-            why.append(f"stated {stated_um:.3g} µm, found {all_um:.3g} µm")
+            both = f"stated {stated_um:.3g} µm, found {all_um:.3g} µm"
+            if misses:  # the noise that is told is then without them
+                both += f" with errors that last, {noise:.3g} µm without"
+            why.append(both)
             misses = misses or all_um > stated_um
     each_um = errors.quantile_of(sizes.noise_um(lasting=False, proportional=False), 0.5)
     if each_um > JUDGEMENT.most_each_um and (stated_um is None or misses):
@@ -88,7 +92,6 @@ def judge_errors(
         flags.append("misfit_above_noise")
     sentence = "; ".join(why) or "residuals are as white noise's"
     name = "+".join(part.name for part in told.parts if part.name not in _PLACEMENT)
-    numbers = {k: v for k, v in errors.parameters().items() if not k.startswith("placement_")}
     summary = ErrorModelSummary(name, numbers, sentence)
     return Judged(summary, noise, tuple(flags), _placement(errors))
 
@@ -100,6 +103,13 @@ def misses_noise(residuals_mm: Sequence[NDArray[np.float64]]) -> bool:
     """
     lasting_mm2 = [np.mean(r**2) - roughness(r) ** 2 for r in residuals_mm]
     return bool(np.mean(lasting_mm2) > (1e-3 * JUDGEMENT.most_um) ** 2)
+
+
+def _with_numbers(why: str, numbers: dict[str, float]) -> str:
+    """Return a sentence with the values that are reported in place of their names."""
+    for name, value in numbers.items():
+        why = why.replace(f"{{{name}}}", f"{value:.2g}")
+    return why
 
 
 def _beside(errors: ErrorChoice, found_um: Array, stated_um: float) -> tuple[float, bool]:

@@ -23,7 +23,6 @@ class Input:
     noise_um: float | None = None
     pressure_noise_mbar: float | None = None
     placement_scatter: float | None = None  # None: to be learned
-    measured_here: bool = False  # a session: each curve was identified by itself as it came
 
 
 def read_input(path: Path, setup: Setup | None) -> Input:
@@ -46,13 +45,14 @@ def read_input(path: Path, setup: Setup | None) -> Input:
         noise = campaign.noise_um, campaign.pressure_noise_mbar
         return Input(campaign.curves, *noise, campaign.placement_scatter)
     if suffix in SESSIONS:
-        from skinlab.recording.session import read_session
+        from skinlab.recording.session import read_session, stated_noise
 
-        curves = read_session(path).curves
+        session = read_session(path)
         named = tuple(
-            replace(curve, name=f"{path}:{curve.name}", campaign=str(path)) for curve in curves
+            replace(curve, name=f"{path}:{curve.name}", campaign=str(path))
+            for curve in session.curves
         )
-        return Input(named, measured_here=True)
+        return Input(named, *stated_noise(session.meta))
     raise InputError(
         f"{path}: expected a curve (.csv), a session (.h5) or a campaign (.toml); {IMPORT}"
     )
@@ -97,5 +97,6 @@ def read_campaign_or_session(path: Path) -> tuple[Campaign, list[Path]]:
     if suffix in SESSIONS:
         given = read_input(path, None)
         check_distinct(given.curves)
-        return Campaign(path.stem, None, None, given.curves), [path]
+        noise = given.noise_um, given.pressure_noise_mbar
+        return Campaign(path.stem, *noise, given.curves), [path]
     raise InputError(f"{path}: expected a campaign (.toml) or a session (.h5)")

@@ -12,7 +12,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from dataclasses import replace as dc_replace
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import msgspec
 import numpy as np
@@ -300,6 +300,24 @@ def _probe(meta: Mapping[str, Any]) -> ProbeErrors | None:
     """Return the calibration that a session was measured with."""
     text = (meta.get("identification") or {}).get("probe")
     return None if text is None else decode_probe(text, "the session's field identification.probe")
+
+
+class _Noise(msgspec.Struct):
+    noise_um: Annotated[float, msgspec.Meta(gt=0, lt=1e6)] | None = None
+    pressure_noise_mbar: Annotated[float, msgspec.Meta(ge=0, lt=1e3)] | None = None
+
+
+def stated_noise(meta: Mapping[str, Any]) -> tuple[float | None, float | None]:
+    """Return what was stated of the noise when a session was measured: µm and mbar, or None.
+
+    Raises:
+        InputError: it is no number, or none that could be stated.
+    """
+    try:
+        stated = msgspec.convert(meta.get("identification") or {}, _Noise)
+    except ValueError as error:
+        raise InputError(f"the session's field identification is damaged ({error})") from None
+    return stated.noise_um, stated.pressure_noise_mbar
 
 
 def read_stored(path: Path) -> Stored:

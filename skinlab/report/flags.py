@@ -8,6 +8,7 @@ from skinlab.inference.flags import CATALOGUE
 from skinlab.mechanics.names import label
 from skinlab.quality.gates import all_gates
 from skinlab.report.measured import Measured
+from skinlab.report.text import times_the_noise
 
 
 def signed(correlation: float) -> str:
@@ -45,10 +46,12 @@ def _words(flag: str, measured: Measured) -> str:
 
 
 def _misfit(measured: Measured) -> str:
-    ratio, fit = "", measured.fit
+    rms_um, noise_um, fit = None, None, measured.fit
     if not isinstance(fit, str) and fit.noise_mm is not None:
-        noise_mm = np.sqrt(np.mean(fit.noise_mm**2))  # the pressure's too, as in the band
-        ratio = f" ({np.sqrt(np.mean(fit.residual_mm**2)) / noise_mm:.1f} times)"
-    flag = CATALOGUE["misfit_above_noise"]
-    meaning = flag.meaning.replace("more than noise", f"more than the noise{ratio}")
+        rms_um = 1e3 * float(np.sqrt(np.mean(fit.residual_mm**2)))
+        noise_um = 1e3 * float(np.sqrt(np.mean(fit.noise_mm**2)))  # the pressure's too
+    result, flag = measured.result, CATALOGUE["misfit_above_noise"]
+    times, noise = times_the_noise(result and result.error_model, rms_um, noise_um)
+    ratio = f" ({times} times)" if times else ""
+    meaning = flag.meaning.replace("more than noise", f"more than {noise}{ratio}")
     return f"{meaning} {flag.advice}"

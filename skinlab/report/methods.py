@@ -4,9 +4,12 @@ from __future__ import annotations
 
 from skinlab.inference.identify import Identifier
 from skinlab.inference.methods import get_method
+from skinlab.inference.result import Identification
+from skinlab.inference.settings import INTERVALS
 from skinlab.mechanics.effects import get_effect
 from skinlab.mechanics.materials import get_law
 from skinlab.mechanics.model_file import Model, model_of_law
+from skinlab.report.text import errors_in_words, placements_in_words
 
 _KAPPA = {
     "paper": "ν is the paper's: the bulk modulus κ follows its eq. (3) as printed. The ν of linear "
@@ -21,19 +24,33 @@ _WITH_EFFECTS = (
     "curves, with the database as their guide."
 )
 _SHORTEST = (
-    "They are the shortest parts with 90 % of what data, noise, thickness (with its standard "
-    "deviation, where one is stated) and the range searched leave open."
+    f"Each is the shortest one that holds {100 * INTERVALS.weight:.0f} % of what data, errors of "
+    "the samples, thickness (with its standard deviation, where one is stated) and the range "
+    "searched leave open, and all that is likely, the best fit among it."
 )
-_GAUSSIAN = "They are Gaussian about the optimum, and cut off at the ends of what was searched."
+_TOGETHER = (
+    "Curves that were fitted together have one skin, and the best fit is what is likeliest for "
+    "all of them by the errors of their samples"
+)
 
 
-def how(identifier: Identifier, phases: tuple[str, ...]) -> list[str]:
-    """Return paragraphs that say how the numbers were found, from samples in these phases."""
+def how(
+    identifier: Identifier,
+    phases: tuple[str, ...],
+    together: Identification | None = None,
+    *,
+    each: bool = True,
+) -> list[str]:
+    """Return paragraphs that say how the numbers were found, from samples in these phases.
+
+    `together` is an answer of the whole session, if there is one; `each` says whether curves have
+    answers of their own.
+    """
     settings = identifier.options
     sensor = identifier.sensor
     law, mesh = identifier.database.law, identifier.database.mesh_name
     if identifier.model.effects:
-        method, intervals = _WITH_EFFECTS, _GAUSSIAN
+        method = _WITH_EFFECTS
     else:
         method = (
             f"Method {identifier.method}: {get_method(identifier.method).meaning}. "
@@ -41,7 +58,6 @@ def how(identifier: Identifier, phases: tuple[str, ...]) -> list[str]:
             f"{settings.tolerance_um:g} µm, seed {identifier.seed}. Computed curves come from a "
             "database of finite-element solutions by interpolation."
         )
-        intervals = _SHORTEST
     fitted = (
         "the first loading only, because the elastic law describes nothing else"
         if phases == ("load",)
@@ -57,12 +73,13 @@ def how(identifier: Identifier, phases: tuple[str, ...]) -> list[str]:
     return [
         "A probe with a round opening pulls the skin into a dome; deflection is the height of its "
         "apex, pressure the suction. The parameters of the skin are those whose computed curve is "
-        "nearest to the measured one in the sum of squared differences of the deflection.",
+        "like the measured one.",
+        *_best_fit(identifier, together, each=each),
         f"The fit used {fitted}. Law {law}, mesh {mesh}.",
         *_model(identifier.model),
         f"{method} The same settings give the same numbers.",
         "Intervals, which only the method auto gives, contain the true value in nine of ten "
-        f"measurements of such skins, if the model is right. {intervals} "
+        f"measurements of such skins, if the model is right. {_SHORTEST} "
         f"Noise: {', '.join(noise)}. Compare two skins by their intervals, never by the "
         "values alone: where they overlap widely, no difference was shown.",
         "A correlation near +1 or −1 between two parameters means that an error of one goes with "
@@ -74,6 +91,30 @@ def how(identifier: Identifier, phases: tuple[str, ...]) -> list[str]:
     ]
 
 
+def _best_fit(identifier: Identifier, together: Identification | None, *, each: bool) -> list[str]:
+    """Return what the best fit is, and what errors an answer of the whole session has."""
+    several = together is not None and together.files is not None
+    said = []
+    if each or not several or together is None or together.error_model is None:
+        nearest = "the sum of squared differences of the deflection"
+        if identifier.model.effects:
+            nearest += ", each by its sample's error"
+        said.append(
+            f"The best fit of a curve is the computed one that is nearest to it in {nearest}."
+        )
+    if together is None or together.error_model is None:
+        return said
+    if several:
+        own = "" if together.placement is None else "; each placement has a stiffness and a zero"
+        said.append(f"{_TOGETHER}{own}.")
+    if several or not each:
+        whose = "of the curves together" if several else "of the curve"
+        said.append(f"Errors of the samples, {whose}: {errors_in_words(together.error_model)}.")
+    if together.placement is not None:
+        said.append(f"Placements: {placements_in_words(together.placement)}.")
+    return said
+
+
 def _model(model: Model) -> list[str]:
     if model.hash == model_of_law(model.model.law).hash:
         return []
@@ -81,8 +122,8 @@ def _model(model: Model) -> list[str]:
     return [f"Model “{model.model.name}”, from a file.{own}"]
 
 
-def assumptions(identifier: Identifier) -> list[str]:
-    """Return what was assumed, a point each."""
+def assumptions(identifier: Identifier, together: Identification | None = None) -> list[str]:
+    """Return what was assumed, a point each; `together` as of `how`."""
     effects = [get_effect(name) for name in sorted(identifier.model.effects)]
     added = [
         f"Added to the base law by the model, in place of what is said below of the same thing: "
@@ -98,9 +139,22 @@ def assumptions(identifier: Identifier) -> list[str]:
         _KAPPA[identifier.kappa] + ".",
         "Nothing pulls or pushes from below; the skin is free of tension before the suction; the "
         "tape holds its surface outside of the opening without any slip.",
-        "The deflection's zero is right: where it is off, it is an effect to be found, and nothing "
-        "is shifted to hide it.",
+        *_zero(identifier, together),
         "All of these are known to be incomplete for skin in the body. A small residual does not "
         "prove them: natural tension, a wrong thickness, preload or slip can hide in the "
         "parameters without leaving a residual in a single curve.",
     ]
+
+
+def _zero(identifier: Identifier, together: Identification | None) -> list[str]:
+    """Return what was assumed of the deflection's zero."""
+    few = "may be off by a few µm: that is one of the errors, and the interval counts it"
+    if identifier.model.effects:
+        return [f"The deflection's zero {few}. A larger offset is an effect to be found."]
+    said = [
+        "The zero of a curve that is fitted alone is right when the curve begins: where it is off, "
+        "it is an effect to be found, and nothing is shifted to hide it."
+    ]
+    if together is None or together.placement is None:
+        return said
+    return [*said, f"Of curves that are fitted together the zero of each placement {few}."]

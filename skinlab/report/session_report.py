@@ -168,13 +168,19 @@ class SessionReport:
         if isinstance(self.identifier, str):
             return [Section("How the numbers were found", (f"Not known: {self.identifier}.",))]
         phases = next((m.result.phases for m in self.curves if m.result), None)
-        if phases is None and not has_values(self.together.answer):
+        answer = self.together.answer
+        found = None if isinstance(answer, str) or not has_values(answer) else answer
+        if phases is None and found is None:
             return [Section("How the numbers were found", ("Nothing was identified.",))]
+        said = how(
+            self.identifier,
+            phases or self.identifier.phases,
+            found,
+            each=any_stored(self.curves),
+        )
         return [
-            Section(
-                "How the numbers were found", how(self.identifier, phases or self.identifier.phases)
-            ),
-            Section("What was assumed", points=assumptions(self.identifier)),
+            Section("How the numbers were found", said),
+            Section("What was assumed", points=assumptions(self.identifier, found)),
         ]
 
 

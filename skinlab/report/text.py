@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
@@ -16,6 +17,10 @@ if TYPE_CHECKING:
     from skinlab.inference.result import Advice, Identification
     from skinlab.inference.stored import StoredErrors
 
+_CONTRADICTED = re.compile(
+    r"stated ([0-9.e+-]+) µm, found ([0-9.e+-]+) µm[^;]*"
+)  # in why errors are so
+_CLEARLY = 1.3  # times the noise: below, a ratio says nothing
 _SENTENCES = ("outliers", "correlated_noise", "stated_noise_contradicted", "unlike_cohort")
 
 
@@ -136,19 +141,18 @@ def explain(result: Identification, noise_um: float | None = None) -> list[str]:
             f"These data do not determine {names}: the interval is most of what is possible."
         )
     if "misfit_above_noise" in result.flags:
-        much = "clearly more than"
-        if noise_um and result.rms_um:
-            much = f"{result.rms_um / noise_um:.1f} times"
+        times, noise = times_the_noise(result.error_model, result.rms_um, noise_um)
         found.append(
-            f"The residual is {much} the noise: the model misses something here, and the "
-            "intervals mean less."
+            f"The residual is {f'{times} times' if times else 'clearly more than'} {noise}: the "
+            "model misses something here, and the intervals mean less."
         )
     for flag in result.flags:
         kind, _, what = flag.partition(":")
         if kind in _SENTENCES:
             meaning = CATALOGUE[kind].meaning.replace("{}", what)
             if kind == "stated_noise_contradicted" and result.error_model is not None:
-                meaning += f" ({result.error_model.why.rpartition('; ')[2]})"
+                both = _CONTRADICTED.search(result.error_model.why)
+                meaning += f" ({both[0]})" if both else ""
             found.append(meaning)
     bounds = [f.split(":")[1] for f in result.flags if f.startswith("at_bound:")]
     for whose, at in (
@@ -159,6 +163,23 @@ def explain(result: Identification, noise_um: float | None = None) -> list[str]:
             names = " and ".join(plain(name)[0] for name in at)
             found.append(f"The best fit has {names} at the end of {whose}: it may lie beyond.")
     return found
+
+
+def times_the_noise(
+    model: ErrorModelSummary | StoredErrors | None, rms_um: float | None, noise_um: float | None
+) -> tuple[str, str]:
+    """Return how many times a noise the residual is, and which noise.
+
+    The number is "" where it is unknown or would not show that the residual is more. Where the
+    residual is more than a stated noise, that noise counts: `noise_um` is the one that was found.
+    """
+    which = "the noise"
+    both = None if model is None else _CONTRADICTED.search(model.why)
+    if both and float(both[2]) > float(both[1]):
+        noise_um, which = float(both[1]), "the stated noise"
+    if not noise_um or not rms_um or rms_um < _CLEARLY * noise_um:
+        return "", which
+    return f"{rms_um / noise_um:.1f}", which
 
 
 def describe_advice(advice: Sequence[Advice], most: int = 5) -> str:

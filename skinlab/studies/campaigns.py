@@ -36,7 +36,7 @@ from skinlab.mechanics.names import effect_words
 from skinlab.recording.load_inputs import SESSIONS
 from skinlab.report.page import Illustration, Section, Table
 from skinlab.report.pictures import style, to_data_uri
-from skinlab.studies.compute import curves_of
+from skinlab.studies.compute import SESSION_NOISE, curves_and_noise
 from skinlab.studies.copies import copied_files
 from skinlab.studies.facts import Facts
 from skinlab.studies.plots import draw_pooled
@@ -116,7 +116,10 @@ def tasks_of(state: State, settings: str) -> Iterator[Task]:
         labels.setdefault(key, known)
     for key in sorted(groups):
         files = sorted(groups[key])
-        said = json.dumps([files, settings, SOLVER_VERSION], sort_keys=True)
+        by: list[Any] = [files, settings, SOLVER_VERSION]
+        if any(Path(path).suffix.lower() in SESSIONS for path, _, _ in files):
+            by.append(SESSION_NOISE)
+        said = json.dumps(by, sort_keys=True)
         wanted = hashlib.sha256(said.encode()).hexdigest()
         yield Task(key, wanted, labels[key], tuple((p, f) for p, f, _ in files))
 
@@ -125,14 +128,13 @@ def explain_task(shared: Shared, task: Task) -> Explained:
     """Return what the workflow says of one campaign; whatever is wrong with it is its verdict."""
     said: dict[str, Any] = {"campaign": task.key, "labels": task.labels, "error": None}
     try:
-        curves = [c for p, f in task.files for c in curves_of(Path(p), f) if not c.partial]
-        noise = [f.get("noise_um") for _, f in task.files]
-        pressure = [f.get("pressure_noise_mbar") for _, f in task.files]
+        read = [curves_and_noise(Path(p), f) for p, f in task.files]
+        noise, pressure = ({n[k] for _, n in read} for k in range(2))
         campaign = Campaign(
             task.key,
-            noise[0] if len(set(noise)) == 1 else None,
-            pressure[0] if len(set(pressure)) == 1 else None,
-            tuple(curves),
+            noise.pop() if len(noise) == 1 else None,
+            pressure.pop() if len(pressure) == 1 else None,
+            tuple(c for curves, _ in read for c in curves if not c.partial),
         )
         outcome = explain(campaign, shared.table, model=shared.model)
         said |= {"outcome": outcome.to_json(), "scores": scores_of(outcome)}

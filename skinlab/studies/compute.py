@@ -22,7 +22,7 @@ from skinlab.inference.result import Identification
 from skinlab.io.log import log_exception
 from skinlab.recording.audit import entries
 from skinlab.recording.load_inputs import SESSIONS
-from skinlab.recording.session import Session, measured_utc, read_session
+from skinlab.recording.session import Session, measured_utc, read_session, stated_noise
 from skinlab.recording.stream import setup_to_json
 from skinlab.studies.copies import readings_hash
 from skinlab.studies.facts import Facts, setup_of
@@ -30,6 +30,8 @@ from skinlab.studies.settings import PRIORS
 from skinlab.studies.sources import sha256_of
 
 Array = NDArray[np.float64]
+
+SESSION_NOISE = "noise as the session states it"  # answers that knew less are computed again
 
 
 @dataclass(frozen=True)
@@ -88,21 +90,37 @@ def _rows(identifier: Identifier, task: Task) -> list[Row]:
     if path.suffix.lower() in SESSIONS:
         session = read_session(path)
         known = labels_of(session)
-        return [_row(identifier, one, known | _placement(one)) for one in session.curves]
-    curve = curves_of(path, facts)[0]
-    noise, pressure = facts.get("noise_um"), facts.get("pressure_noise_mbar")
-    knowing = with_stated_noise(identifier, noise or None, pressure)
-    return [_row(knowing, curve, {})]
+        knowing = with_stated_noise(identifier, *noise_of(facts, session))
+        return [_row(knowing, one, known | _placement(one)) for one in session.curves]
+    (curve,), noise = curves_and_noise(path, facts)
+    return [_row(with_stated_noise(identifier, *noise), curve, {})]
 
 
-def curves_of(path: Path, facts: Facts) -> list[Curve]:
-    """Return the curves of a file, given what is known of it.
+def noise_of(facts: Facts, session: Session | None = None) -> tuple[float | None, float | None]:
+    """Return the stated noise of a file, µm and mbar: a table's comes first, then the session's.
+
+    Raises:
+        InputError: what the session says of it is damaged.
+    """
+    own = (None, None) if session is None else stated_noise(session.meta)
+    return facts.get("noise_um") or own[0], facts.get("pressure_noise_mbar", own[1])
+
+
+def curves_and_noise(
+    path: Path, facts: Facts
+) -> tuple[list[Curve], tuple[float | None, float | None]]:
+    """Return the curves of a file, and the stated noise (µm, mbar), given what is known of it.
 
     Raises:
         InputError: it cannot be read, or too little is known of it.
     """
     if path.suffix.lower() in SESSIONS:
-        return list(read_session(path).curves)
+        session = read_session(path)
+        return list(session.curves), noise_of(facts, session)
+    return [_curve_of(path, facts)], noise_of(facts)
+
+
+def _curve_of(path: Path, facts: Facts) -> Curve:
     try:
         setup = setup_of(facts)
     except InputError as error:
@@ -110,7 +128,7 @@ def curves_of(path: Path, facts: Facts) -> list[Curve]:
     if path.stat().st_size > MOST_BYTES:
         raise InputError(f"{path}: larger than {MOST_BYTES >> 20} MB; expected one curve")
     curve = read_any(path, setup, Answers(command="skinlab import"))
-    return [replace(curve, name=path.name)]
+    return replace(curve, name=path.name)
 
 
 def labels_of(session: Session) -> dict[str, Any]:

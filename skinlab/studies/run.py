@@ -16,7 +16,7 @@ from skinlab.errors import InputError
 from skinlab.inference.identify import Identifier
 from skinlab.recording.load_inputs import SESSIONS
 from skinlab.recording.recorder import identification_settings
-from skinlab.studies.compute import Computed, Task, compute
+from skinlab.studies.compute import SESSION_NOISE, Computed, Task, compute
 from skinlab.studies.facts import NOISE, SETUP, pseudonym
 from skinlab.studies.sources import (
     Plan,
@@ -107,9 +107,11 @@ def _scan(state: State, plan: Plan, settings: str) -> None:
 
 def _wanted(source: Source, settings: str) -> str:
     """Return a hash of all that the rows of this file depend on: labels are not among it."""
-    used: dict[str, Any] = {"visit": _VISIT}
-    if source.path.suffix.lower() not in SESSIONS:
-        used = {k: v for k, v in source.facts.items() if k in (*SETUP, *NOISE)}
+    session = source.path.suffix.lower() in SESSIONS
+    names = NOISE if session else (*SETUP, *NOISE)
+    used: dict[str, Any] = {k: v for k, v in source.facts.items() if k in names}
+    if session:
+        used |= {"visit": _VISIT, "noise": SESSION_NOISE}
     said = json.dumps([sha256_of(source.path), used, settings, source.path.name], sort_keys=True)
     return hashlib.sha256(said.encode()).hexdigest()
 

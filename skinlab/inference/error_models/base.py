@@ -111,7 +111,7 @@ class Part:
     always: bool = False
     stated: dict[str, float] = field(default_factory=dict)  # values that were found, not fitted
     lasting: bool = False  # correlated in time: a size above 8 µm is a misfit
-    why: str = ""
+    why: str = ""  # the name of a parameter in braces stands for the value that is reported
     bound: Array | float = 0.0  # (u,) what `stretch` adds to the log evidence (scale mixtures)
     spread: float = 1.0  # by which `stretch` is to be multiplied for the information to be right
     tails: float = 1.0  # variance of a scale mixture, by that of its scale

@@ -161,7 +161,7 @@ class Periodic:
             terms,
             math.log(KINDS.unusual_odds),
             lasting=True,
-            why=f"{self.what} at {frequency:.2g} Hz",
+            why=f"{self.what} at {{{self.name}_hz}} Hz",  # as it is reported, not where it began
             size_um=itemgetter(0),  # sin² + cos² = 1
         )
 

@@ -16,9 +16,10 @@ from skinlab.curves.program import parse_program
 from skinlab.errors import InputError
 from skinlab.exchange.export import FORMATS, export
 from skinlab.inference.identify import Identifier
-from skinlab.recording.load_inputs import read_input
-from skinlab.recording.session import Session
+from skinlab.recording.load_inputs import read_campaign_or_session, read_input
+from skinlab.recording.session import Session, read_session, stated_noise, write_session
 from skinlab.recording.stream import setup_from_json
+from skinlab.studies.compute import curves_and_noise
 
 NUMBERS = ("time_s", "pressure_mbar", "deflection_mm")
 
@@ -100,3 +101,20 @@ def test_nothing_is_overwritten_and_the_files_are_their_owners(session, kind, tm
 def test_an_empty_session(kind, tmp_path):
     paths = export(Session({}, (), (), ()), kind, tmp_path)
     assert "campaign.toml" not in [path.name for path in paths]
+
+
+def test_a_stated_noise_goes_along_with_its_session(session, tmp_path):
+    meta = {"identification": {"noise_um": 1.5, "pressure_noise_mbar": 0.0}}
+    path = tmp_path / "s.h5"
+    write_session(path, replace(session, meta=meta))
+    export(read_session(path), "csv", tmp_path / "exported")
+    for file in (path, tmp_path / "exported"):
+        given, campaign = read_input(file, None), read_campaign_or_session(file)[0]
+        for one in (given, campaign):
+            assert (one.noise_um, one.pressure_noise_mbar) == (1.5, 0.0)
+    _, noise = curves_and_noise(path, {})
+    assert noise == (1.5, 0.0)
+    _, noise = curves_and_noise(path, {"noise_um": 3.0})  # a study's table
+    assert noise == (3.0, 0.0)
+    with pytest.raises(InputError, match="identification is damaged"):
+        stated_noise({"identification": {"noise_um": -1}})

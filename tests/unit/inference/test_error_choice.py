@@ -724,3 +724,26 @@ def test_what_a_wave_gains_does_not_depend_on_rounding():
     for seed in range(5):
         almost = SLOPES * (1.0 + 1e-15 * np.random.default_rng(seed).standard_normal((N, 3)))
         np.testing.assert_allclose(gained(np.hstack([SLOPES, almost])), alone, rtol=1e-6)
+
+
+def test_two_noises_that_were_found_are_told_apart():
+    """One answer had said "noise 1 µm", and "stated 1 µm, found 10 µm" without which it is."""
+    rng = np.random.default_rng(5)
+    noise = white(rng, 1.0) + process(rng, 30.0, 0.5)
+    residual_um = 1e3 * float(np.sqrt(np.mean(noise**2)))
+    judged = judge_errors(chosen(noise, noise_um=1.0), 1.0, residual_um)
+    both = judged.summary.why.rpartition("; ")[2]
+    assert both.startswith("stated 1 µm, found ")
+    assert both.endswith(f" µm with errors that last, {judged.noise_um:.3g} µm without")
+    white_alone = judge_errors(chosen(white(rng, 6.0), noise_um=3.0), 3.0)
+    assert white_alone.summary.why.endswith("µm")
+
+
+def test_a_pulse_is_told_with_the_frequency_that_is_reported():
+    """One line had said "at 1.1 Hz (a pulse at 1 Hz)": where it was first seen."""
+    rng = np.random.default_rng(5)
+    two = np.sin(2 * np.pi * 1.35 * TIME + 5.0) + np.sin(2 * np.pi * 1.05 * TIME)
+    told = judge_errors(chosen(white(rng, 1.5) + 3e-3 * two), None).summary
+    hz = f"{told.parameters['pulse_hz']:.2g}"
+    assert hz == "1.1"
+    assert told.why.endswith(f"a pulse at {hz} Hz")

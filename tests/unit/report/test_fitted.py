@@ -77,6 +77,8 @@ def test_the_model_is_told(identifier):
     said = " ".join(how(identifier, PHASES))
     assert "“creeping”" in said
     assert "load, hold, unload, rest" in said
+    assert "each by its sample's error" in said
+    assert "Gaussian" not in said
     first, second = assumptions(identifier)[:2]
     assert "deflection_gain" in first
     assert "viscoelasticity" in second

@@ -169,6 +169,15 @@ def test_page_one_of_an_imported_session_agrees_with_its_values(table, identifie
     assert "Measure again" not in text
     assert "Nothing was identified" not in page
     assert "values that the session stores" in text_of(section(page, "Curve by curve"))
+    how = text_of(section(page, "How the numbers were found"))
+    assumed = text_of(section(page, "What was assumed"))
+    assert "shortest one that holds 88 %" in how
+    assert "Errors of the samples, of the curve" in how
+    alone = count == 1
+    assert ("nearest to it in the sum of squared differences" in how) is alone
+    assert ("likeliest for all of them" in how) is not alone
+    assert ("Placements: 2, their stiffnesses differ by" in how) is not alone
+    assert ("the zero of each placement may be off" in assumed) is not alone
 
 
 @pytest.mark.usefixtures("empty_pictures")
@@ -229,6 +238,7 @@ def test_methods_assumptions_versions_and_hashes(page, session, identifier):
     how = text_of(section(page, "How the numbers were found"))
     assert "Method auto" in how
     assert f"of the deflection {NOISE_UM:g} µm (stated)" in how
+    assert "nearest to it in the sum of squared differences of the deflection." in how
     assert "isotropic" in text_of(section(page, "What was assumed"))
     found = text_of(section(page, "Versions and hashes"))
     for value in (
