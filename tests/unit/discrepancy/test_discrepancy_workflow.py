@@ -145,11 +145,10 @@ def test_a_zero_that_no_placement_has_is_named_with_two_curves(explained):
     names_and_shrinks(document(explained), hidden, ["c0.csv", "c1.csv"])
 
 
-def test_an_effect_has_no_larger_a_share_than_there_is_disagreement(explained):
+def test_an_effect_has_about_as_large_a_share_as_there_is_disagreement(explained):
     """By a fit that stands off the curves as placements may it had 35 of 7 µm."""
     gap = document(explained)["gap"]
-    noise_um = gap["noise_um"]
-    assert noise_um < gap["sizes"]["effect_um"] < gap["plain_before_um"] + noise_um
+    assert 0.7 < gap["sizes"]["effect_um"] / gap["plain_before_um"] < 1.4
     assert sum(document(explained)["shares"].values()) == pytest.approx(1.0)
 
 
