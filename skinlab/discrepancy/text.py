@@ -7,9 +7,9 @@ from collections.abc import Callable, Collection, Sequence
 import numpy as np
 
 from skinlab.discrepancy.adequacy import Place
-from skinlab.discrepancy.candidates import Candidate, Partial
+from skinlab.discrepancy.candidates import Candidate, Partial, behind_best
 from skinlab.discrepancy.next_measurement import Plan
-from skinlab.discrepancy.odds import behind_words, chance_words, odds_words
+from skinlab.discrepancy.odds import chance_words, each_behind, odds_words
 from skinlab.discrepancy.outcome import Outcome
 from skinlab.discrepancy.settings import ERRORS, NAMES, PLANS
 from skinlab.inference.flags import CATALOGUE
@@ -335,11 +335,11 @@ def describe(outcome: Outcome) -> str:
         lines += [f"  {where_words(p)}" for p in outcome.where[:_SHOWN]]
     if outcome.verdict.name != "none" and outcome.found.candidates:
         lines.append("Explanations:")
-        best = outcome.found.candidates[0].log10_evidence
-        for c in outcome.found.candidates[:_SHOWN]:
+        behind = each_behind(behind_best(outcome.found.candidates, own))
+        for c, odds in zip(outcome.found.candidates[:_SHOWN], behind, strict=False):
             fits = "explains the data" if c.adequate else "does not explain the data"
             lines.append(f"  {explanation_words(c, own)}")
-            lines.append(f"      {behind_words(best - c.log10_evidence)}; {fits}")
+            lines.append(f"      {odds}; {fits}")
     lines.append(f"{'':12}{'before':>30}{'after':>34}")
     lines += [f"  {n:<28}{b:<32}{a}" for n, b, a in parameter_rows(outcome)]
     lines += limits_words(outcome)
