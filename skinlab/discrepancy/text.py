@@ -7,7 +7,7 @@ from collections.abc import Callable, Collection, Sequence
 import numpy as np
 
 from skinlab.discrepancy.adequacy import Place
-from skinlab.discrepancy.candidates import Candidate, Partial, behind_best
+from skinlab.discrepancy.candidates import Candidate, Partial, behind_best, outdone
 from skinlab.discrepancy.next_measurement import Plan
 from skinlab.discrepancy.odds import chance_words, each_behind, odds_words
 from skinlab.discrepancy.outcome import Outcome
@@ -45,9 +45,31 @@ def verdict_words(outcome: Outcome) -> str:
             tied = f"Something is missing, and these explanations are tied: {'; '.join(names)}."
             return f"{tied}{in_all_words([c.effects for c in outcome.verdict.explanations], own)}"
         case "unknown":
-            return (
-                "Something is missing, and nothing in the library explains it to within the noise."
-            )
+            return f"Something is missing{_unknown_words(outcome)}."
+
+
+def _unknown_words(outcome: Outcome) -> str:
+    """Return why something is missing that has no name: the rest of a sentence."""
+    found = outcome.found
+    failed = [trial.sentence for trial in outcome.trials if not trial.passed]
+    if failed:
+        return f". What would explain it to within the noise is not to be believed: {failed[0]}"
+    if not any(c.adequate for c in (found.base, *found.candidates)):
+        return ", and nothing in the library explains it to within the noise"
+    if found.implausible:
+        return (
+            ". What leaves no more than errors is not to be believed, since these are too large: "
+            f"{found.implausible}"
+        )
+    if outdone(found.candidates):
+        return (
+            ". What would explain it to within the noise is not to be believed: something that "
+            "leaves more is 20 times likelier"
+        )
+    return (
+        ". What would explain it to within the noise is not to be believed: for a name it is "
+        "too little likelier than the model as it is"
+    )
 
 
 def in_all_words(explanations: Sequence[Collection[str]], own: Collection[str] = ()) -> str:

@@ -1,17 +1,21 @@
-"""What is said of an outcome: how likely each explanation is."""
+"""What is said: how likely an explanation is, why none has a name."""
 
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from skinlab.discrepancy.adequacy import Residual
-from skinlab.discrepancy.candidates import Candidate, behind_best
+from skinlab.discrepancy.candidates import Candidate, Found, behind_best
+from skinlab.discrepancy.discipline import Trial
 from skinlab.discrepancy.fit import Fit
 from skinlab.discrepancy.odds import behind_words, each_behind
+from skinlab.discrepancy.text import verdict_words
 from skinlab.discrepancy.unknowns import Unknowns
+from skinlab.discrepancy.verdict import Verdict
 
 MOTION, IN_STEP, ZERO = "learned_motion", "periodic_motion", "deflection_offset"
 
@@ -42,3 +46,30 @@ def test_what_is_ahead_is_never_said_to_be_behind():
     assert behind_words(-11.0) == "more than 10,000 times likelier"
     assert behind_words(0.0) == "the best"
     assert behind_words(2.0) == "100 times less likely"
+
+
+def unknown(*candidates, trials=(), implausible="", base_p=1e-9):
+    found = Found(candidate([], 0.0, base_p), {}, list(candidates), implausible=implausible)
+    return verdict_words(
+        SimpleNamespace(verdict=Verdict("unknown", []), found=found, trials=trials)
+    )
+
+
+def test_why_what_would_explain_has_no_name_is_said_with_the_verdict():
+    """Nothing explained it, by the verdict, and below stood something that did."""
+    good, bad = candidate([ZERO], 5.0), candidate([IN_STEP], 9.0, 1e-9)
+    nothing = "Something is missing, and nothing in the library explains it to within the noise."
+    assert unknown() == unknown(bad) == nothing
+    stood = Trial("size", True, "it changes the fitted curves by 7 µm")
+    again = Trial("again", False, "it is not there without c1.csv")
+    no = "Something is missing. What would explain it to within the noise is not to be believed: "
+    assert unknown(good, trials=(stood, again)) == f"{no}it is not there without c1.csv."
+    assert unknown(bad, good) == f"{no}something that leaves more is 20 times likelier."
+    assert "too little likelier than the model as it is" in unknown(candidate([ZERO], 0.3))
+    pulse = "pulse of 7.5 µm (more than 5 µm is no error)"
+    large = (
+        "Something is missing. What leaves no more than errors is not to be believed, since these "
+        f"are too large: {pulse}."
+    )
+    assert unknown(good, implausible=pulse) == unknown(implausible=pulse, base_p=0.5) == large
+    assert unknown(bad, implausible=pulse) == nothing
