@@ -375,12 +375,16 @@ def partial_words(partial: Partial) -> str:
         return "Interrupted before the model as it is was fitted."
     lines = ["Interrupted; known so far:"]
     left = partial.base.left
-    lines.append(
-        "The model as it is leaves "
-        f"{'noise' if left.p_value >= ERRORS.adequate else 'more than noise'} "
-        f"({chance_words(left.p_value)})."
-    )
-    lines += [f"  {where_words(p)}" for p in left.places[:_SHOWN] if p.p_value < NAMES.significant]
+    places = [p for p in left.places[:_SHOWN] if p.p_value < NAMES.significant]
+    size = "more than noise"
+    if left.p_value >= ERRORS.adequate:
+        size = (
+            "no more than the errors, as they are known so far, could make" if places else "noise"
+        )
+    lines.append(f"The model as it is leaves {size} ({chance_words(left.p_value)}).")
+    if places and left.p_value >= ERRORS.adequate:
+        lines.append("Places that stand out all the same:")
+    lines += [f"  {where_words(p)}" for p in places]
     for c in sorted(partial.candidates, key=lambda c: -c.log10_evidence):
         lines.append(
             f"  {_name(c, set(partial.base.effects)):<40} {odds_words(c.log10_evidence)} likelier "

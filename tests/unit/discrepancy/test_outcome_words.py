@@ -1,4 +1,4 @@
-"""What is said: how likely an explanation is, why none has a name."""
+"""What is said: how likely an explanation is, why none has a name, what was known."""
 
 from __future__ import annotations
 
@@ -8,12 +8,12 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from skinlab.discrepancy.adequacy import Residual
-from skinlab.discrepancy.candidates import Candidate, Found, behind_best
+from skinlab.discrepancy.adequacy import Place, Residual
+from skinlab.discrepancy.candidates import Candidate, Found, Partial, behind_best
 from skinlab.discrepancy.discipline import Trial
 from skinlab.discrepancy.fit import Fit
 from skinlab.discrepancy.odds import behind_words, each_behind
-from skinlab.discrepancy.text import verdict_words
+from skinlab.discrepancy.text import partial_words, verdict_words
 from skinlab.discrepancy.unknowns import Unknowns
 from skinlab.discrepancy.verdict import Verdict
 
@@ -73,3 +73,20 @@ def test_why_what_would_explain_has_no_name_is_said_with_the_verdict():
     )
     assert unknown(good, implausible=pulse) == unknown(implausible=pulse, base_p=0.5) == large
     assert unknown(bad, implausible=pulse) == nothing
+
+
+@pytest.mark.parametrize(
+    ("p_value", "place_p", "said"),
+    [
+        (1 / 23, 1 / 150_000, "no more than the errors, as they are known so far, could make"),
+        (0.5, 0.5, "noise"),
+        (1e-9, 1e-9, "more than noise"),
+    ],
+)
+def test_what_is_interrupted_calls_no_place_that_stands_out_noise(p_value, place_p, said):
+    place = Place("d8.csv", "unload", (84.0, 99.0), (5.0, 5.8), -127.8, 3.0, place_p)
+    base = replace(candidate([]), left=Residual(p_value, (place,), p_value))
+    _, first, *rest = partial_words(Partial(base)).split("\n")
+    assert first.startswith(f"The model as it is leaves {said} (")
+    assert any("-127.8" in line for line in rest) == (place_p < 0.01)
+    assert ("Places that stand out all the same:" in rest) == said.startswith("no more")
