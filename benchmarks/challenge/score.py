@@ -5,13 +5,15 @@
 ANSWERS holds a document for each campaign that the program looked at, NAME.json, with `verdict`
 ("none", "named", "ambiguous", "unknown" or "learned"), `effects` (a list of explanations, each a
 list of effects), for "learned" `learned.family`, and, if it was measured, `cpu_seconds`: what
-`skinlab discrepancy --json` prints. Campaigns without an answer are counted as such and not scored.
+`skinlab discrepancy --json` prints. Campaigns without an answer are counted as such and not scored;
+a file that cannot be read is no answer. Answers that belong to no campaign are named.
 """
 
 from __future__ import annotations
 
 import argparse
 import json
+import sys
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
@@ -99,6 +101,22 @@ def read(folder: Path) -> dict[str, Document]:
     return {f.stem: json.loads(f.read_text()) for f in sorted(folder.glob("*.json"))}
 
 
+def read_answers(folder: Path) -> tuple[dict[str, Document], list[str]]:
+    """Return the documents of a folder by their names, and of each that cannot be read why."""
+    found, lost = {}, []
+    for file in sorted(folder.glob("*.json")):
+        try:
+            answer = json.loads(file.read_text(encoding="utf-8"))
+        except (OSError, ValueError) as error:
+            lost.append(f"{file.name} cannot be read, and counts as no answer: {error}")
+            continue
+        if isinstance(answer, dict):
+            found[file.stem] = answer
+        else:
+            lost.append(f"{file.name} holds no JSON object, and counts as no answer")
+    return found, lost
+
+
 def show(found: Mapping[str, Any]) -> None:
     """Print the figures."""
     for name, value in found.items():
@@ -118,13 +136,19 @@ def main() -> None:
     parser.add_argument("answers", type=Path)
     parser.add_argument("--save", type=Path)
     arguments = parser.parse_args()
-    answers = read(arguments.answers)
+    truths = read(arguments.truth)
+    answers, said = read_answers(arguments.answers)
+    if others := [name for name in answers if name not in truths]:
+        said.append(f"answers without a truth, not scored: {', '.join(others)}")
+    for sentence in said:
+        print(f"{parser.prog}: {sentence}", file=sys.stderr)
     try:
-        for name, answer in answers.items():
-            check(name, answer)
+        for name in truths:
+            if name in answers:
+                check(name, answers[name])
     except ValueError as error:
         parser.error(str(error))
-    found = scores(read(arguments.truth), answers)
+    found = scores(truths, answers)
     show(found)
     if arguments.save is not None:
         arguments.save.write_text(json.dumps(found, indent=1) + "\n")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -17,6 +17,7 @@ from skinlab.discrepancy.screen import Signature
 from skinlab.discrepancy.settings import ERRORS, NAMES, SEARCH
 from skinlab.inference.covariance import Covariance, independent
 from skinlab.mechanics.effects import get_effect
+from skinlab.mechanics.effects.learned import LearnedEffect
 
 LOG10 = math.log(10.0)
 
@@ -93,6 +94,25 @@ class Found:
         """By how much log10 evidence an explanation has to lead."""
         conditions = {record.condition for record in self.records}
         return NAMES.lone_tie if len(conditions) == 1 else NAMES.tie
+
+
+def behind_best(candidates: Sequence[Candidate], own: Collection[str]) -> list[float | None]:
+    """Return by how much log10 evidence each is behind the best of them.
+
+    None of a motion that each curve has for itself: it counts with the errors, and what is said of
+    its evidence is that of the model as it is.
+    """
+    of_each = [
+        any(_own_of_each(e) for e in candidate.effects if e not in own) for candidate in candidates
+    ]
+    pairs = list(zip(candidates, of_each, strict=True))
+    best = max((c.log10_evidence for c, moves in pairs if not moves), default=0.0)
+    return [None if moves else best - c.log10_evidence for c, moves in pairs]
+
+
+def _own_of_each(name: str) -> bool:
+    one = get_effect(name)
+    return isinstance(one, LearnedEffect) and one.own_of_each
 
 
 def outdone(candidates: Sequence[Candidate]) -> bool:

@@ -28,25 +28,59 @@ from skinlab.mechanics.effects.learned_motion import LearnedMotion
 
 Array = NDArray[np.float64]
 
+IN_STEP = "periodic_motion"  # the effect that has the same phase in every curve
+
 
 def find_motion(search: Search, found: Found) -> tuple[Candidate, tuple[Trial, ...]] | None:
     """Return what the errors show that is too large to be one, with its trials.
 
-    None where nothing is, or where the model as it is leaves more than that: pure error and the
-    best explanation have to agree, for what a wrong model leaves may look like a motion.
+    None where nothing is, or where the model as it is has it already.
+    """
+    shown = _shown(search, found)
+    if not shown or _effect_of(shown).name in found.base.effects:
+        return None
+    linear, node = search.linear(found.base.fit), _node(search.errors.looks[-1], shown)
+    squares = _squares_um2(linear, node, shown)
+    candidate = _candidate(found.base, found, node, shown, _root(squares))
+    return candidate, tuple(_trials(search, linear, node, squares))
+
+
+def has_motion(search: Search, found: Found) -> bool:
+    """Return whether what is too large for an error is what the model as it is says that moves.
+
+    That has a phase of its own in each curve, so that the errors take it up, as they did when it
+    was learned. One of more than twice the size is another one.
+    """
+    shown, look, own = _shown(search, found), search.errors.looks[-1], found.base.fit.unknowns
+    most = ERRORS.largest_um
+    large = {shown, *(n for n in most if look.median(partial(size_um, name=n)) > most[n])}
+    if not shown or any(_effect_of(name).name not in own.effects for name in large):
+        return False
+    known = [k for k in own.known if k.effect == _effect_of(shown).name]
+    said_um = float(np.sqrt(0.5 * sum(k.sd**2 for k in known)))
+    squares = _squares_um2(search.linear(found.base.fit), _node(look, shown), shown)
+    # Where it was learned from these curves, nothing is said of its size.
+    return not said_um or _root(squares) <= NAMES.same_motion * said_um
+
+
+def _shown(search: Search, found: Found) -> str:
+    """Return which part of the errors is too large to be one, "" where none is.
+
+    Nor where the model as it is leaves more than that: pure error and the best explanation have to
+    agree, for what a wrong model leaves may look like a motion.
     """
     errors, base = search.errors, found.base
     noise = found.errors.count
     repeated = any(len(members) > 1 for members in by_condition(found.records))
     if not repeated or base.fit.chi2 - noise > NAMES.learned_left * noise:
-        return None
+        return ""
     looks = (errors.pure, errors.looks[-1])
     sizes = {
         n: [look.median(partial(size_um, name=n)) for look in looks] for n in ERRORS.largest_um
     }
     agree, largest_um = ERRORS.wave_agree, ERRORS.largest_um
     if any(last > max(agree * pure, largest_um[n]) for n, (pure, last) in sizes.items()):
-        return None  # it is in what the explanation leaves, not in what repeats differ by
+        return ""  # it is in what the explanation leaves, not in what repeats differ by
     ratios = {name: min(size) / ERRORS.largest_um[name] for name, size in sizes.items()}
     name = max(ratios, key=lambda n: ratios[n])
     linear = search.linear(base.fit)
@@ -54,13 +88,20 @@ def find_motion(search: Search, found: Found) -> tuple[Candidate, tuple[Trial, .
     doubtful = base.left.by_errors < ERRORS.adequate
     smooth = doubtful and np.linalg.norm(list(ratios.values())) > NAMES.smooth_motion
     if not smooth and ratios[name] <= 1.0:
-        name = next((n for n in NAMES.wave_um if _stands_out(looks, linear, n)), "")
-    if not name:
-        return None
-    node = _node(looks[1], name)
-    squares = _squares_um2(linear, node, name)
-    candidate = _candidate(base, found, node, name, float(np.sqrt(max(squares.mean(), 0.0))))
-    return candidate, tuple(_trials(search, linear, node, squares))
+        return next((n for n in NAMES.wave_um if _stands_out(looks, linear, n)), "")
+    return name
+
+
+def _effect_of(name: str) -> LearnedMotion:
+    """Return the effect that says what a part of the errors is, where that is no error."""
+    one = get_effect("learned_motion" if name in NAMES.wave_um else "learned_wander")
+    assert isinstance(one, LearnedMotion)
+    return one
+
+
+def _root(squares: Array) -> float:
+    """Return the root of mean squares' mean."""
+    return float(np.sqrt(max(squares.mean(), 0.0)))
 
 
 def _stands_out(looks: Sequence[ErrorChoice], linear: Linearised, name: str) -> bool:
@@ -83,9 +124,7 @@ def _without_one(squares: Array) -> Array:
 
 def _candidate(base: Candidate, found: Found, node: Node, name: str, moved_um: float) -> Candidate:
     """Return the model as it is with a motion of which no curve tells the next one's course."""
-    one = get_effect("learned_motion" if name in NAMES.wave_um else "learned_wander")
-    assert isinstance(one, LearnedMotion)
-    values = node.values
+    one, values = _effect_of(name), node.values
     longest_s = max(float(np.ptp(r.curve.time_s)) for r in found.records)
     wave = name in NAMES.wave_um
     hz = values[f"{name}_hz"] if wave else 0.5 / longest_s

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from skinlab.discrepancy.settings import NAMES
 
 
@@ -15,9 +17,19 @@ def odds_words(log10_ratio: float) -> str:
     return f"{float(f'{times:.2g}'):,.0f} times"
 
 
-def behind_words(log10_behind: float) -> str:
-    """Return how far behind the best an explanation is."""
-    return "the best" if log10_behind == 0 else f"{odds_words(log10_behind)} less likely"
+def behind_words(log10_behind: float | None, best: str = "the best") -> str:
+    """Return how far behind the best an explanation is; None: it is compared with no other."""
+    if log10_behind is None:
+        return "counts with the errors, and is not compared"
+    if log10_behind < 0:
+        return f"{odds_words(-log10_behind)} likelier"
+    return best if log10_behind == 0 else f"{odds_words(log10_behind)} less likely"
+
+
+def each_behind(log10_behind: Sequence[float | None]) -> list[str]:
+    """Return how far behind the best each of some explanations is."""
+    best = "the best of the others" if None in log10_behind else "the best"
+    return [behind_words(behind, best) for behind in log10_behind]
 
 
 def chance_words(p_value: float) -> str:

@@ -8,7 +8,7 @@ from functools import cached_property
 from typing import Any
 
 from skinlab.discrepancy.adequacy import Place
-from skinlab.discrepancy.candidates import Candidate, Found
+from skinlab.discrepancy.candidates import Candidate, Found, behind_best
 from skinlab.discrepancy.discipline import Shares, Trial
 from skinlab.discrepancy.families import Learned, describe_learned
 from skinlab.discrepancy.heldout import HeldOut
@@ -80,7 +80,7 @@ class Outcome:
         """Return the document."""
         base = self.found.base
         own = set(base.effects)
-        reference = self.found.candidates[0].log10_evidence if self.found.candidates else 0.0
+        behind = behind_best(self.found.candidates, own)
         return {
             "schema": SCHEMA,
             "verdict": self.verdict.name,
@@ -91,9 +91,11 @@ class Outcome:
                     "effects": [e for e in c.effects if e not in own],
                     "parameters": {n: v for n, v in self.parameters(c).items() if is_effects(n)},
                     "held_out_rms_um": self.held_out.get(c.effects),
-                    "log10_evidence": c.log10_evidence - reference,
+                    "log10_evidence": 0.0 - (decades or 0.0),
                 }
-                for c in self.found.candidates[:_MOST_CANDIDATES]
+                for c, decades in list(zip(self.found.candidates, behind, strict=True))[
+                    :_MOST_CANDIDATES
+                ]
             ],
             "gap": {
                 "before_um": self.gap_before.rms_um,

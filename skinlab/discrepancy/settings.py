@@ -355,6 +355,8 @@ class NameRules:
     wave_um: Mapping[str, float] = field(default_factory=lambda: {"pulse": 2.6, "breathing": 4.4})
     """Root mean squares from which on a pulse or a breath that repeats bear out is told of: a
     quarter more than those of life at most (amplitudes of 3 and 5 µm)."""
+    same_motion: float = 2.0
+    """Times the size that a model says of a motion, up to which what is found is the same one."""
     unasked: float = 6.0
     """log10 evidence of a learned function where what the model as it is leaves may be errors: with
     nothing hidden functions promised 2.7 at most (12 campaigns), a bent sensor 14."""

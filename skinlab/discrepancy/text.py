@@ -7,9 +7,9 @@ from collections.abc import Callable, Collection, Sequence
 import numpy as np
 
 from skinlab.discrepancy.adequacy import Place
-from skinlab.discrepancy.candidates import Candidate, Partial
+from skinlab.discrepancy.candidates import Candidate, Partial, behind_best, outdone
 from skinlab.discrepancy.next_measurement import Plan
-from skinlab.discrepancy.odds import behind_words, chance_words, odds_words
+from skinlab.discrepancy.odds import chance_words, each_behind, odds_words
 from skinlab.discrepancy.outcome import Outcome
 from skinlab.discrepancy.settings import ERRORS, NAMES, PLANS
 from skinlab.inference.flags import CATALOGUE
@@ -45,9 +45,31 @@ def verdict_words(outcome: Outcome) -> str:
             tied = f"Something is missing, and these explanations are tied: {'; '.join(names)}."
             return f"{tied}{in_all_words([c.effects for c in outcome.verdict.explanations], own)}"
         case "unknown":
-            return (
-                "Something is missing, and nothing in the library explains it to within the noise."
-            )
+            return f"Something is missing{_unknown_words(outcome)}."
+
+
+def _unknown_words(outcome: Outcome) -> str:
+    """Return why something is missing that has no name: the rest of a sentence."""
+    found = outcome.found
+    failed = [trial.sentence for trial in outcome.trials if not trial.passed]
+    if failed:
+        return f". What would explain it to within the noise is not to be believed: {failed[0]}"
+    if not any(c.adequate for c in (found.base, *found.candidates)):
+        return ", and nothing in the library explains it to within the noise"
+    if found.implausible:
+        return (
+            ". What leaves no more than errors is not to be believed, since these are too large: "
+            f"{found.implausible}"
+        )
+    if outdone(found.candidates):
+        return (
+            ". What would explain it to within the noise is not to be believed: something that "
+            "leaves more is 20 times likelier"
+        )
+    return (
+        ". What would explain it to within the noise is not to be believed: for a name it is "
+        "too little likelier than the model as it is"
+    )
 
 
 def in_all_words(explanations: Sequence[Collection[str]], own: Collection[str] = ()) -> str:
@@ -335,11 +357,11 @@ def describe(outcome: Outcome) -> str:
         lines += [f"  {where_words(p)}" for p in outcome.where[:_SHOWN]]
     if outcome.verdict.name != "none" and outcome.found.candidates:
         lines.append("Explanations:")
-        best = outcome.found.candidates[0].log10_evidence
-        for c in outcome.found.candidates[:_SHOWN]:
+        behind = each_behind(behind_best(outcome.found.candidates, own))
+        for c, odds in zip(outcome.found.candidates[:_SHOWN], behind, strict=False):
             fits = "explains the data" if c.adequate else "does not explain the data"
             lines.append(f"  {explanation_words(c, own)}")
-            lines.append(f"      {behind_words(best - c.log10_evidence)}; {fits}")
+            lines.append(f"      {odds}; {fits}")
     lines.append(f"{'':12}{'before':>30}{'after':>34}")
     lines += [f"  {n:<28}{b:<32}{a}" for n, b, a in parameter_rows(outcome)]
     lines += limits_words(outcome)
@@ -353,12 +375,16 @@ def partial_words(partial: Partial) -> str:
         return "Interrupted before the model as it is was fitted."
     lines = ["Interrupted; known so far:"]
     left = partial.base.left
-    lines.append(
-        "The model as it is leaves "
-        f"{'noise' if left.p_value >= ERRORS.adequate else 'more than noise'} "
-        f"({chance_words(left.p_value)})."
-    )
-    lines += [f"  {where_words(p)}" for p in left.places[:_SHOWN] if p.p_value < NAMES.significant]
+    places = [p for p in left.places[:_SHOWN] if p.p_value < NAMES.significant]
+    size = "more than noise"
+    if left.p_value >= ERRORS.adequate:
+        size = (
+            "no more than the errors, as they are known so far, could make" if places else "noise"
+        )
+    lines.append(f"The model as it is leaves {size} ({chance_words(left.p_value)}).")
+    if places and left.p_value >= ERRORS.adequate:
+        lines.append("Places that stand out all the same:")
+    lines += [f"  {where_words(p)}" for p in places]
     for c in sorted(partial.candidates, key=lambda c: -c.log10_evidence):
         lines.append(
             f"  {_name(c, set(partial.base.effects)):<40} {odds_words(c.log10_evidence)} likelier "

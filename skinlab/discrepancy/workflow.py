@@ -15,7 +15,7 @@ from skinlab.discrepancy.families import against_families, families, find_famili
 from skinlab.discrepancy.fit import Fit, Fitter
 from skinlab.discrepancy.heldout import HeldOut, conditions_of, predict_held_out
 from skinlab.discrepancy.misfit import errors_of
-from skinlab.discrepancy.motion import find_motion
+from skinlab.discrepancy.motion import IN_STEP, find_motion, has_motion
 from skinlab.discrepancy.next_measurement import advise
 from skinlab.discrepancy.outcome import Outcome
 from skinlab.discrepancy.placement_curves import with_stiffness_of
@@ -121,6 +121,12 @@ def explain(
                 held={one.effects: tried.before},
                 trials=trials,
             )
+    if tried.verdict.name == "unknown" and found.implausible and has_motion(search, found):
+        excused = replace(found, implausible="")
+        # In few curves a motion out of step may seem to be one in step.
+        others = [c for c in excused.candidates if IN_STEP not in c.effects]
+        if decide(replace(excused, candidates=others)).name == "none":
+            tried = replace(tried, verdict=Verdict("none", []), found=excused)
     if tried.verdict.name == "unknown" and (noise := search.by_its_own_errors(found)):
         tried = replace(tried, verdict=Verdict("none", []), found=noise)
     if tried.verdict.name == "unknown" and tried.open is not None:
@@ -131,7 +137,7 @@ def explain(
     shares = shares_of(search.errors, *map(search.linear, (found.base.fit, chosen.fit)))
     final, held = tried.final, tried.held
     refined = tried.again(chosen.fit)
-    if not _moves(chosen):
+    if not _moves(chosen, found.base):
         refined = final.refined(refined)
     errors = with_stiffness_of(refined, search.errors.looks[-1])
     own = final.with_errors(final.records, errors.mode)
@@ -183,9 +189,10 @@ def explain(
     )
 
 
-def _moves(one: Candidate) -> bool:
+def _moves(one: Candidate, base: Candidate) -> bool:
     """Return whether an explanation is a motion, of which these curves tell no course to refine."""
-    return any(f.own_of_each for f in families() if f.name in one.effects)
+    more = set(one.effects) - set(base.effects)
+    return any(f.own_of_each for f in families() if f.name in more)
 
 
 @dataclass(frozen=True, eq=False)

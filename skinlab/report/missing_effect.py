@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from skinlab.discrepancy.candidates import behind_best
 from skinlab.discrepancy.fit import Fit
-from skinlab.discrepancy.odds import behind_words, chance_words
+from skinlab.discrepancy.odds import chance_words, each_behind
 from skinlab.discrepancy.outcome import Outcome
 from skinlab.discrepancy.text import (
     doubt_words,
@@ -150,15 +151,14 @@ def draw_function(outcome: Outcome) -> Figure:
 def _which(outcome: Outcome) -> Section:
     own = set(outcome.found.base.effects)
     candidates = outcome.found.candidates
-    best = candidates[0].log10_evidence if candidates else 0.0
     rows = [
         [
             explanation_words(c, own),
-            behind_words(best - c.log10_evidence),
+            odds,
             "yes" if c.adequate else "no",
             chance_words(c.left.p_value),
         ]
-        for c in candidates
+        for c, odds in zip(candidates, each_behind(behind_best(candidates, own)), strict=True)
     ]
     screen = [
         [effect_words(s.effect), f"{s.gain:.0f}", f"{100 * s.absorbed:.0f} %"]

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from skinlab.discrepancy.odds import behind_words, odds_words
+from skinlab.discrepancy.odds import each_behind, odds_words
 from skinlab.inference.result import Value
 from skinlab.mechanics.names import is_effects, parameter_of, plain
 from skinlab.report.rounding import best_words, interval_words
@@ -156,15 +156,16 @@ def _candidate_rows(outcome: Outcome, columns: int) -> Rows:
     candidates = outcome.found.candidates
     if outcome.verdict.name == "none" or not candidates:
         return []
+    from skinlab.discrepancy.candidates import behind_best
     from skinlab.discrepancy.text import explanation_words
 
-    best, own = candidates[0].log10_evidence, set(outcome.found.base.effects)
+    own = set(outcome.found.base.effects)
+    behind = behind_best(candidates, own)
     rows: Rows = [[], [("Explanations, by how likely they are:", "quiet")]]
     whole = min(max(columns - 4 - _BAR_SAYS, _BAR[0]), _BAR[1])
-    for c in candidates[:_MOST]:
-        behind = best - c.log10_evidence
-        length = round(whole * max(1.0 - behind / _DECADES, 0.0))
-        odds = behind_words(behind)
+    each = zip(behind, each_behind(behind), strict=True)
+    for c, (decades, odds) in zip(candidates[:_MOST], each, strict=False):
+        length = 0 if decades is None else round(whole * max(1.0 - decades / _DECADES, 0.0))
         fits = "" if c.adequate else ", leaves more than noise"
         rows.append([(f" {explanation_words(c, own)}", "text")])
         rows.append(

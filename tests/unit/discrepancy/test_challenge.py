@@ -179,6 +179,29 @@ def test_what_is_no_answer_is_refused_by_its_name(answer):
         score.check("c007", answer)
 
 
+def test_what_cannot_be_read_is_no_answer_and_what_has_no_truth_is_named(
+    tmp_path, monkeypatch, capsys
+):
+    """A program that dies leaves an empty file: the scorer died of it."""
+    truth, answers, saved = tmp_path / "truth", tmp_path / "answers", tmp_path / "found.json"
+    truth.mkdir()
+    answers.mkdir()
+    for name in ("c1", "c2", "c3", "c4"):
+        (truth / f"{name}.json").write_text(json.dumps(_truth("life_none")))
+    told = json.dumps({"verdict": "none", "effects": []})
+    written = {"c1": told, "c2": "", "c3": "[]", "x9": told}
+    for name, text in written.items():
+        (answers / f"{name}.json").write_text(text)
+    monkeypatch.setattr("sys.argv", ["score", str(truth), str(answers), "--save", str(saved)])
+    score.main()
+    found = json.loads(saved.read_text())
+    assert (found["answered"], found["of"]) == (1, 4)
+    errors = capsys.readouterr().err
+    assert "c2.json cannot be read, and counts as no answer" in errors
+    assert "c3.json holds no JSON object" in errors
+    assert "answers without a truth, not scored: x9" in errors
+
+
 def test_the_model_as_it_is_is_fitted_to_its_optimum_by_the_errors_that_it_ends_with(table):
     """By errors that know of no places it had ended at ν = 0.499: 76 above it, a tie of five."""
     truth, made = make("life_none", 201911, 175)
