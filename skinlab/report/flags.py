@@ -51,7 +51,8 @@ def _misfit(measured: Measured) -> str:
         rms_um = 1e3 * float(np.sqrt(np.mean(fit.residual_mm**2)))
         noise_um = 1e3 * float(np.sqrt(np.mean(fit.noise_mm**2)))  # the pressure's too
     result, flag = measured.result, CATALOGUE["misfit_above_noise"]
-    times, noise = times_the_noise(result and result.error_model, rms_um, noise_um)
+    model = None if result is None else result.error_model
+    times, noise = times_the_noise(model, rms_um, noise_um)
     ratio = f" ({times} times)" if times else ""
     meaning = flag.meaning.replace("more than noise", f"more than {noise}{ratio}")
     return f"{meaning} {flag.advice}"
