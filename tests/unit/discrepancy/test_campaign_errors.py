@@ -788,13 +788,15 @@ def test_placements_that_differ_are_no_missing_effect(table):
     assert replace(learned, log10_evidence=0.0).adequate
     # What the fit stands off the optimum of these errors is no noise.
     linear = search.linear(learned.fit)
-    shares = shares_of(search.errors, learned, learned, linear)
+    shares = shares_of(search.errors, linear, linear)
+    assert shares.effect_um == 0.0
     assert shares.noise_um < 1.1 * search.errors.looks[-1].mode.noise_um
     assert shares.placement_um > shares.noise_um
     off_mm = 0.1 * linear.slopes_mm[:, learned.fit.unknowns.space.scale]
     moved = replace(linear, residual_mm=linear.residual_mm + off_mm)
-    again = shares_of(search.errors, learned, learned, moved)
+    again = shares_of(search.errors, linear, moved)
     assert again.noise_um == pytest.approx(shares.noise_um, rel=0.02)
+    assert again.effect_um < 0.02 * 1e3 * float(np.sqrt(np.mean(off_mm**2)))
 
 
 def test_means_of_rounded_readings_keep_the_wave_of_the_rounding(table):
