@@ -18,8 +18,8 @@ def pressure_glitches(curve: Curve, noise_mbar: float) -> Mask:
 
     They stand out of their neighbours to one side, and are on the line from neither side: corners
     and steps of a program are on one. What a program asks for is none. `noise_mbar` is the standard
-    deviation of the channel. Where only the deflection is looked at such a sample is a deflection
-    that is off by dw/dp, in all curves alike, and passes for a placement.
+    deviation of the channel. As a deflection such a sample is off by dw/dp times as much, which may
+    pass for a placement.
     """
     time, p = curve.time_s, curve.pressure_mbar
     found = np.zeros(len(p), dtype=bool)

@@ -102,17 +102,15 @@ def behind_best(candidates: Sequence[Candidate], own: Collection[str]) -> list[f
     None of a motion that each curve has for itself: it counts with the errors, and what is said of
     its evidence is that of the model as it is.
     """
-    of_each = [
-        any(_own_of_each(e) for e in candidate.effects if e not in own) for candidate in candidates
-    ]
-    pairs = list(zip(candidates, of_each, strict=True))
+    pairs = [(c, is_motion(c, own)) for c in candidates]
     best = max((c.log10_evidence for c, moves in pairs if not moves), default=0.0)
     return [None if moves else best - c.log10_evidence for c, moves in pairs]
 
 
-def _own_of_each(name: str) -> bool:
-    one = get_effect(name)
-    return isinstance(one, LearnedEffect) and one.own_of_each
+def is_motion(one: Candidate, own: Collection[str]) -> bool:
+    """Return whether what an explanation adds is a motion that each curve has for itself."""
+    added = (get_effect(name) for name in one.effects if name not in own)
+    return any(isinstance(e, LearnedEffect) and e.own_of_each for e in added)
 
 
 def outdone(candidates: Sequence[Candidate]) -> bool:

@@ -93,9 +93,9 @@ class Outcome:
                     "held_out_rms_um": self.held_out.get(c.effects),
                     "log10_evidence": 0.0 - (decades or 0.0),
                 }
-                for c, decades in list(zip(self.found.candidates, behind, strict=True))[
-                    :_MOST_CANDIDATES
-                ]
+                for c, decades in zip(
+                    self.found.candidates[:_MOST_CANDIDATES], behind, strict=False
+                )
             ],
             "gap": {
                 "before_um": self.gap_before.rms_um,

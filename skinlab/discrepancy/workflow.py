@@ -9,9 +9,9 @@ import numpy as np
 
 from skinlab.curves.campaign import Campaign
 from skinlab.discrepancy.cancelling import against_cancelling
-from skinlab.discrepancy.candidates import Candidate, Found, Partial
+from skinlab.discrepancy.candidates import Candidate, Found, Partial, is_motion
 from skinlab.discrepancy.discipline import Discipline, Trial, repeats_um, shares_of
-from skinlab.discrepancy.families import against_families, families, find_families
+from skinlab.discrepancy.families import against_families, find_families
 from skinlab.discrepancy.fit import Fit, Fitter
 from skinlab.discrepancy.heldout import HeldOut, conditions_of, predict_held_out
 from skinlab.discrepancy.misfit import errors_of
@@ -137,7 +137,7 @@ def explain(
     shares = shares_of(search.errors, *map(search.linear, (found.base.fit, chosen.fit)))
     final, held = tried.final, tried.held
     refined = tried.again(chosen.fit)
-    if not _moves(chosen, found.base):
+    if not is_motion(chosen, found.base.effects):
         refined = final.refined(refined)
     errors = with_stiffness_of(refined, search.errors.looks[-1])
     own = final.with_errors(final.records, errors.mode)
@@ -187,12 +187,6 @@ def explain(
         repeats_um=repeats_um(final.records, by_condition(final.records)),
         learned_from_these=learned_from_these,
     )
-
-
-def _moves(one: Candidate, base: Candidate) -> bool:
-    """Return whether an explanation is a motion, of which these curves tell no course to refine."""
-    more = set(one.effects) - set(base.effects)
-    return any(f.own_of_each for f in families() if f.name in more)
 
 
 @dataclass(frozen=True, eq=False)

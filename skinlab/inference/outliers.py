@@ -87,7 +87,6 @@ def _by_whole_runs(probability: Array, residual: Array, samples: Samples, least_
             others = int((found > 0.5).sum()) - len(near)
             if 2 <= run.sum() <= min(2 * reach, most - others):
                 found[low:high] = np.where(run, 1.0, np.minimum(found[low:high], 0.5))
-                found[low:high][~run & (probability[low:high] > 0.5)] = 0.0
     return found
 
 

@@ -109,7 +109,8 @@ def from_the_start(curve: Curve, answers: Answers) -> tuple[Curve, list[str]]:
         time_s=since,
         pressure_mbar=curve.pressure_mbar[running],
         deflection_mm=curve.deflection_mm[running],
-        segment=program.segment_at(since),
+        # When a rise until a height ended the clock does not tell.
+        segment=None if program.stops_at_heights else program.segment_at(since),
     )
     kept = replace(followed(kept), time_s=curve.time_s[running])
     before = int((~running).sum())
@@ -121,8 +122,9 @@ def from_the_start(curve: Curve, answers: Answers) -> tuple[Curve, list[str]]:
 
 def _start_shown(curve: Curve) -> float | None:
     """Return when the program began, by the suction; None if with the file, but for a delay."""
-    program, time = curve.setup.program, curve.time_s
-    assert program is not None
+    program, time = curve.program_as_run, curve.time_s
+    if program is None:
+        return None
     least_mbar = AS_STATED.suction * program.max_pressure_mbar
     above = curve.pressure_mbar > least_mbar
     lasting = np.flatnonzero(above[:-1] & above[1:])  # one reading alone may be a glitch

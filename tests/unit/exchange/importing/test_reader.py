@@ -258,6 +258,13 @@ def test_the_rest_before_the_program_is_none_of_its_loading(stated):
     assert f"s{shown}: 14" in imported.understood[-1]
 
 
+@pytest.mark.parametrize("stated", [{}, {"program_start_s": "7"}])
+def test_when_a_rise_until_a_height_ended_is_not_told_by_the_clock(stated):
+    rise = Setup(6.0, 1.0, parse_program("until:0.3mm@20,hold:2"))
+    phases = read(rested(7.0), rise, **stated).curve.phase.tolist()
+    assert phases.count("hold") == pytest.approx(40, abs=2)
+
+
 def test_a_rest_of_the_program_that_the_file_lacks_is_not_taken_for_its_loading():
     rest = Setup(6.0, 1.0, parse_program("rest:3,ramp:100@20,hold:2"))
     imported = read(rested(0.0), rest)
