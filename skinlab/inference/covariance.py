@@ -132,17 +132,22 @@ class Covariance:
         return float(np.log(self.variance_mm2 if self.ou is None else self._factor[0]).sum())
 
     @cached_property
-    def _columns(self) -> tuple[Array, Array]:
-        """Return q (u, m), orthonormal, and s (m,) of the whitened columns."""
+    def _axes(self) -> tuple[Array, Array]:
+        """Return a (u, m), the whitened columns turned until orthogonal, and their squares (m,).
+
+        Every function of W V Vᵀ Wᵀ is a f aᵀ. The squares by the product of the columns: that is a
+        fraction of the work of their singular values, and f hardly depends on a small one.
+        """
         white = self.whiten_without_columns(self.columns_mm)
-        q, s, _ = np.linalg.svd(white, full_matrices=False)
-        return q, s
+        square, turn = np.linalg.eigh(white.T @ white)
+        return white @ turn, np.maximum(square, 0.0)
 
     def whiten(self, curves_mm: Array) -> Array:
         """Return W r (u, …) with WᵀW = Σ⁻¹: independent, of variance 1."""
         flat = self.whiten_without_columns(curves_mm).reshape(self.count, -1)
-        q, s = self._columns
-        flat = flat + q @ ((1.0 / np.sqrt(1.0 + s**2) - 1.0)[:, None] * (q.T @ flat))
+        a, square = self._axes
+        root = np.sqrt(1.0 + square)
+        flat = flat - a @ ((a.T @ flat) / (root * (1.0 + root))[:, None])  # (1/root − 1)/square
         return np.asarray(flat.reshape(curves_mm.shape))
 
     __call__ = whiten
@@ -150,14 +155,14 @@ class Covariance:
     def colour(self, white: Array) -> Array:
         """Return what `whiten` made these (u, …) from, mm."""
         flat = white.reshape(self.count, -1)
-        q, s = self._columns
-        flat = flat + q @ ((np.sqrt(1.0 + s**2) - 1.0)[:, None] * (q.T @ flat))
+        a, square = self._axes
+        flat = flat + a @ ((a.T @ flat) / (1.0 + np.sqrt(1.0 + square))[:, None])
         return np.asarray(self._colour_without_columns(flat).reshape(white.shape))
 
     @property
     def log_determinant(self) -> float:
         """Log determinant of Σ, of mm²."""
-        return self.log_determinant_without_columns + float(np.log1p(self._columns[1] ** 2).sum())
+        return self.log_determinant_without_columns + float(np.log1p(self._axes[1]).sum())
 
     def log_density(self, residuals_mm: Array) -> float:
         """Return the Gaussian log density of residuals (u,), per mm."""
@@ -167,21 +172,21 @@ class Covariance:
     def without_columns(self, residuals_mm: Array) -> Array:
         """Return residuals (u, …) in standard deviations, less what V's columns probably did."""
         z = self.whiten_without_columns(residuals_mm).reshape(self.count, -1)
-        q, s = self._columns
-        left = z - q @ ((s**2 / (1.0 + s**2))[:, None] * (q.T @ z))
+        a, square = self._axes
+        left = z - a @ ((a.T @ z) / (1.0 + square)[:, None])
         return np.asarray(left.reshape(residuals_mm.shape))
 
     def expected_product(self, apart: int) -> float:
         """Return what Σ itself lets the products of `without_columns` sum up to.
 
         Of values so many samples apart in the same curve: taking the columns off leaves some less
-        than none, Cov = 1 − Q s²/(1+s²) Qᵀ.
+        than none, Cov = 1 − a aᵀ/(1 + a²).
         """
         if apart not in self._expected:
-            q, s = self._columns
-            share = s**2 / (1.0 + s**2)
+            a, square = self._axes
+            share = 1.0 / (1.0 + square)
             self._expected[apart] = -sum(
-                float(np.einsum("um,um,m->", v[apart:], v[:-apart], share)) for v in self.split(q)
+                float(np.einsum("um,um,m->", v[apart:], v[:-apart], share)) for v in self.split(a)
             )
         return self._expected[apart]
 

@@ -47,26 +47,33 @@ class LinearModel:
         values = np.column_stack([self.residual_mm, self.slopes_mm])
         try:
             gram, log_base = integrated_gram_matrices(covariances, values)
-            whole = self._information(gram)
-            root = np.linalg.cholesky(whole)
+            # With the residual in the last row the factor's tells χ², without solving for it. One
+            # more, since χ² may be none: of a curve that the model meets exactly.
+            bordered = self._bordered(gram)
+            bordered[:, -1, -1] += 1.0
+            root = np.linalg.cholesky(bordered)
         except np.linalg.LinAlgError:
             if len(covariances) == 1:
                 return np.array([-np.inf])
             return np.concatenate([self.log_marginals([one]) for one in covariances])
-        solved = np.linalg.solve(root, gram[:, 1:, :1])[:, :, 0]
-        chi2 = gram[:, 0, 0] - np.square(solved).sum(axis=1)
-        log_det = 2.0 * np.log(np.einsum("nii->ni", root)).sum(axis=1)
+        diagonal = np.einsum("nii->ni", root)
+        chi2 = np.square(diagonal[:, -1]) - 1.0
+        log_det = 2.0 * np.log(diagonal[:, :-1]).sum(axis=1)
         u = len(self.residual_mm)
         return np.asarray(-0.5 * (u * _LOG_2PI + log_base + log_det - self._log_prior + chi2))
 
     def _information(self, gram: Array) -> Array:
         """Return that of the effects (…, k + m, k + m), from the Gram matrices of all."""
+        return self._bordered(gram)[..., :-1, :-1]
+
+    def _bordered(self, gram: Array) -> Array:
+        """Return the same with the residual's products in the last row and column."""
         k = self.slopes_mm.shape[1]
-        whole = gram[..., 1:, 1:].copy()
+        whole = np.roll(gram, (-1, -1), axis=(-2, -1))
         whole[..., :k, :k] += self.precision
-        rest = np.arange(k, whole.shape[-1])
+        rest = np.arange(k, whole.shape[-1] - 1)
         whole[..., rest, rest] += 1.0
-        return np.asarray(whole)
+        return whole
 
     def shares(self, covariance: Covariance, pull: Array | float = 0.0) -> Array:
         """Return what each of the covariance's columns probably did (u, m), mm.
