@@ -78,6 +78,7 @@ class _Kept(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     kept: list[NDArray[np.bool_]]
     implausible: str
     trials: list[Trial]
+    doubted: Candidate | None
     shares: Shares | None
     error_model: ErrorModelSummary | None
     placement: PlacementSummary | None
@@ -134,6 +135,7 @@ def load(name: str, records: Sequence[Record], folder: Path | None = None) -> Ou
         alike=kept.alike,
         posteriors=kept.posteriors,
         trials=tuple(kept.trials),
+        doubted=kept.doubted,
         shares=kept.shares,
         error_model=kept.error_model,
         placement=kept.placement,
@@ -157,6 +159,7 @@ def save(name: str, outcome: Outcome, folder: Path | None = None) -> None:
         list(found.kept),
         found.implausible,
         list(outcome.trials),
+        outcome.doubted,
         outcome.shares,
         outcome.error_model,
         outcome.placement,

@@ -43,6 +43,7 @@ class Outcome:
     # Of the best explanation, by its effects.
     posteriors: dict[tuple[str, ...], Posterior] = field(default_factory=dict)
     trials: tuple[Trial, ...] = ()  # what the first explanation had to stand
+    doubted: Candidate | None = None  # the one that did not stand them, where there is no other
     shares: Shares | None = None  # of the gap
     error_model: ErrorModelSummary | None = None  # of the samples, under what is chosen
     placement: PlacementSummary | None = None
@@ -115,6 +116,12 @@ class Outcome:
             "trials": [
                 {"name": t.name, "passed": t.passed, "sentence": t.sentence} for t in self.trials
             ],
+            "doubted": None
+            if self.doubted is None
+            else {
+                "effects": [e for e in self.doubted.effects if e not in own],
+                "parameters": self.parameters(self.doubted),
+            },
             "parameters": {
                 "before": _base_only(self.parameters(base)),
                 "after": _base_only(self.parameters(self.best)),

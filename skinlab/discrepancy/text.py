@@ -26,10 +26,10 @@ def verdict_words(outcome: Outcome) -> str:
     own = set(outcome.found.base.effects)
     names = [explanation_words(c, own) for c in outcome.verdict.explanations]
     match outcome.verdict.name:
-        case "none" if not outcome.found.base.adequate:
+        case "none" if not outcome.found.base.adequate or _failed(outcome) == {"size"}:
             return (
-                "Nothing that matters is missing: what these data show beyond noise changes the "
-                f"curves by less than {NAMES.practical_um:g} µm."
+                f"Nothing is missing that would change the curves by {NAMES.practical_um:g} µm, "
+                "though these data show more than noise."
             )
         case "none":
             return (
@@ -88,14 +88,28 @@ def learned_words(outcome: Outcome) -> list[str]:
         f"Of what the model leaves it is {share}; it counts with the errors, and no curve tells "
         "how it goes in the next."
         if learned.family.own_of_each
-        else "No effect of the library explains the gap; a smooth function was learned, which "
-        f"takes {share} of it away."
+        else f"{_library_words(outcome)}; a smooth function was learned, which takes {share} of it "
+        "away."
     ]
     if learned.nearest:
         lines.append(
             f"Of the effects with a name, the nearest is {effect_words(learned.nearest[0])}."
         )
     return lines
+
+
+def _library_words(outcome: Outcome) -> str:
+    """Return what the library has to say where a function was learned: most often nothing."""
+    best, own = outcome.best, set(outcome.found.base.effects)
+    alike = [
+        _name(c, own)
+        for c in outcome.found.candidates
+        if c.adequate and c.kind != best.kind
+        and c.log10_evidence > best.log10_evidence - NAMES.tie
+    ]  # fmt: skip
+    if not alike:
+        return "No effect of the library explains the gap as well"
+    return f"These explain it as well, but did not stand the trials of a name: {'; '.join(alike)}"
 
 
 def function_rows(outcome: Outcome) -> list[tuple[str, str, str]]:
@@ -154,13 +168,10 @@ def doubt_words(outcome: Outcome) -> list[str]:
     """Return what speaks for and against the explanation, and what the fits ran into."""
     lines = []
     if outcome.trials:
-        good = all(t.passed for t in outcome.trials)
-        why = "No name is given"
-        if outcome.verdict.name == "none":
-            seeming = outcome.found.base.adequate
-            why = "What seemed to be there is not" if seeming else "What is there does not matter"
-        lines.append("What stands behind it:" if good else f"{why}, because:")
+        good = not _failed(outcome)
+        lines.append("What stands behind it:" if good else f"{_doubted(outcome)}, because:")
         lines += [f"  {t.sentence}" for t in outcome.trials if good or not t.passed]
+        lines += _if_there_words(outcome)
     if outcome.found.implausible:
         lines.append(f"Too large for errors of a measurement: {outcome.found.implausible}.")
     left = (outcome.verdict.explanations or [outcome.found.base])[0].left
@@ -180,6 +191,37 @@ def doubt_words(outcome: Outcome) -> list[str]:
                 + ": stronger values were not allowed."
             )
     return lines
+
+
+def _failed(outcome: Outcome) -> set[str]:
+    """Return the trials that the first explanation did not stand."""
+    return {trial.name for trial in outcome.trials if not trial.passed}
+
+
+def _doubted(outcome: Outcome) -> str:
+    """Return who gets no name: the beginning of a sentence."""
+    one = outcome.doubted
+    if one is None:
+        return "No name is given"
+    name = _name(one, set(outcome.found.base.effects))
+    small = _failed(outcome) == {"size"}
+    return f"{name} {'is too small for a name' if small else 'seemed to be there and gets no name'}"
+
+
+def _if_there_words(outcome: Outcome) -> list[str]:
+    """Return which of the law's parameters would be others with what is doubted; mostly none."""
+    one = outcome.doubted
+    if one is None:
+        return []
+    held, would = outcome.parameters(outcome.best), outcome.parameters(one)
+    others = [
+        f"{plain(name)[0]} {_value(would[name])}"
+        for name, known in held.items()
+        if not is_effects(name) and not known["low"] <= would[name]["value"] <= known["high"]
+    ]
+    if not others:
+        return []
+    return [f"If it is there all the same, other values are right: {', '.join(others)}."]
 
 
 def lead_words(outcome: Outcome) -> list[str]:

@@ -181,6 +181,7 @@ def explain(
         posteriors=posteriors,
         alike=alike(found.signatures),
         trials=tried.trials,
+        doubted=None if verdict.explanations else tried.doubted,
         shares=shares,
         error_model=said.summary,
         placement=said.placement,
@@ -200,6 +201,7 @@ class _Tried:
     before: HeldOut
     held: dict[tuple[str, ...], HeldOut]
     trials: tuple[Trial, ...] = ()
+    doubted: Candidate | None = None  # what did not stand them
     # What could not be told apart in parts of the data; None where that is not why it failed
     open: Verdict | None = None
 
@@ -275,7 +277,12 @@ def _tried(search: Search, found: Found, first: Verdict, progress: Callable[[str
         each.append(trials(best, first.explanations[i + 1 :]))
         if all(trial.passed for trial in each[-1]):
             return replace(tried, verdict=first.without(i), trials=each[-1])
-    tried = replace(tried, verdict=disciplined(first, found, each[0]), trials=each[0])
+    tried = replace(
+        tried,
+        verdict=disciplined(first, found, each[0]),
+        trials=each[0],
+        doubted=first.explanations[0],
+    )
     if first.name == "learned" or tried.failed != {"again"}:
         return tried
     best, *tied = first.explanations

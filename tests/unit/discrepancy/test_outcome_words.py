@@ -13,7 +13,7 @@ from skinlab.discrepancy.candidates import Candidate, Found, Partial, behind_bes
 from skinlab.discrepancy.discipline import Trial
 from skinlab.discrepancy.fit import Fit
 from skinlab.discrepancy.odds import behind_words, each_behind
-from skinlab.discrepancy.text import partial_words, verdict_words
+from skinlab.discrepancy.text import doubt_words, learned_words, partial_words, verdict_words
 from skinlab.discrepancy.unknowns import Unknowns
 from skinlab.discrepancy.verdict import Verdict
 
@@ -90,3 +90,54 @@ def test_what_is_interrupted_calls_no_place_that_stands_out_noise(p_value, place
     assert first.startswith(f"The model as it is leaves {said} (")
     assert any("-127.8" in line for line in rest) == (place_p < 0.01)
     assert ("Places that stand out all the same:" in rest) == said.startswith("no more")
+
+
+def doubted(*failed, base_p, effects=(ZERO,), would=1.3):
+    """What is said of one that failed these trials; X1 is 1 (0.9 to 1.1), or `would` with it."""
+    one = candidate(effects, 6.1)
+    found = Found(candidate([], 0.0, base_p), {}, [one])
+    trials = [Trial(name, name not in failed, f"about {name}") for name in ("size", "again")]
+    values = {id(found.base): 1.0, id(one): would}
+    outcome = SimpleNamespace(
+        verdict=Verdict("none", []), found=found, best=found.base, trials=trials, doubted=one,
+        learned=None,
+        parameters=lambda c: {"X1_MPa": {"value": values[id(c)], "low": 0.9, "high": 1.1}},
+    )  # fmt: skip
+    return verdict_words(outcome), doubt_words(outcome)
+
+
+def test_what_is_there_and_small_is_not_said_to_be_absent():
+    """A preload of 4 mbar moved curves by 0.4 µm, X2 by a quarter, and was 10⁶ times likelier."""
+    verdict, (why, size, if_there) = doubted("size", base_p=0.5)
+    assert verdict == doubted("size", base_p=1e-9)[0]
+    assert verdict.startswith("Nothing is missing that would change the curves by 1 µm")
+    assert (why, size) == (f"{ZERO} is too small for a name, because:", "  about size")
+    assert if_there == (
+        "If it is there all the same, other values are right: X1 1.3  (0.9 to 1.1)."
+    )
+    verdict, (why, again) = doubted("again", base_p=0.5, would=1.05)
+    assert verdict.startswith("Nothing is missing, as far as these data tell")
+    assert (why, again) == (
+        f"{ZERO} seemed to be there and gets no name, because:",
+        "  about again",
+    )
+
+
+def test_what_is_learned_does_not_hide_effects_that_explain_as_well():
+    """Three of the library were 3 to 13 times less likely, and "no effect explains the gap"."""
+    learned, near, far = (
+        candidate([name], e)
+        for name, e in (("learned_opening", 7.8), ("aperture_error", 7.4), (ZERO, 6.3))
+    )
+
+    def said(*others):
+        found = Found(candidate([], 0.0, 1e-9), {}, [learned, *others])
+        family = SimpleNamespace(own_of_each=False)
+        one = SimpleNamespace(share_of_gap=1.0, family=family, nearest=())
+        return learned_words(SimpleNamespace(best=learned, found=found, learned=one))
+
+    taken = "a smooth function was learned, which takes 100 % of it away."
+    assert said(far) == [f"No effect of the library explains the gap as well; {taken}"]
+    assert said(near) == [
+        "These explain it as well, but did not stand the trials of a name: aperture_error; " + taken
+    ]
