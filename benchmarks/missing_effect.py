@@ -70,6 +70,8 @@ Array = NDArray[np.float64]
 RESULTS = Path(__file__).parent / "results"
 LINES = RESULTS / "missing_effect.jsonl"
 SUMMARY = RESULTS / "missing_effect.json"
+NOTHING = ("life_none", "life_plans_none")  # parts with errors of life in which nothing is hidden,
+ONE = ("life_single", "life_crossed", "life_plans")  # and one effect
 
 # ---- judging one campaign ------------------------------------------------------------------------
 
@@ -372,8 +374,8 @@ def covered(line: dict[str, Any], name: str) -> bool:
 def figures(lines: Sequence[dict[str, Any]]) -> dict[str, Any]:
     """Return the figures: each with its target, where there is one."""
     full = [x for x in lines if x["part"] in ("none", "single", "double", "outside")]
-    life_none = [x for x in lines if x["part"] == "life_none"]
-    life_single = [x for x in lines if x["part"] in ("life_single", "life_crossed")]
+    life_none = [x for x in lines if x["part"] in NOTHING]
+    life_single = [x for x in lines if x["part"] in ONE]
     life_double = [x for x in lines if x["part"] == "life_double"]
     life_outside = [x for x in lines if x["part"] == "life_outside"]
     life_named = [x for x in life_none + life_single if x["verdict"] == "named"]
@@ -505,8 +507,8 @@ def figures(lines: Sequence[dict[str, Any]]) -> dict[str, Any]:
 def by_program(lines: Sequence[dict[str, Any]]) -> dict[str, dict[str, Any]]:
     """Return the workflow and its peers beside each other, on campaigns with errors as in life."""
     asked = [x for x in lines if "peers" in x]
-    none = [x for x in asked if x["part"] == "life_none"]
-    single = [x for x in asked if x["part"] in ("life_single", "life_crossed")]
+    none = [x for x in asked if x["part"] in NOTHING]
+    single = [x for x in asked if x["part"] in ONE]
     outside = [x for x in asked if x["part"] == "life_outside"]
 
     def said(x: dict[str, Any], who: str) -> list[str]:
@@ -556,7 +558,7 @@ def confusion(lines: Sequence[dict[str, Any]]) -> dict[str, dict[str, int]]:
     rows: dict[str, Counter[str]] = {}
     for x in lines:
         what = x["part"]
-        if what in ("single", "outside", "life_single", "life_crossed", "life_outside"):
+        if what in ("single", "outside", "life_outside", *ONE):
             what = f"{what}: {x['outside'] or x['hidden'][0]}"
         verdict = x["verdict"]
         if verdict == "learned":

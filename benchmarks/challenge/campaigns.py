@@ -4,13 +4,14 @@ Parts: `none` hides nothing, `single` each of the library's effects in turn, `do
 `outside` something that the library does not have, `ramp` an effect (or, each fourth time, nothing)
 in one ramp of the 6 mm opening: white noise, one placement an opening, 20 Hz. Parts that begin with
 `life` are with errors as they are measured, every kind alone and all together (`Life`), one to four
-placements an opening, one to three openings, 10 to 200 Hz.
+placements an opening, one to three openings, 10 to 200 Hz; `life_plans` with other programs
+(`PLANS`), and in a third of them each placement at its own rate.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -32,6 +33,7 @@ Distortion = Callable[[Array, Array, Array, np.random.Generator], Array]
 PARTS = (
     "none", "single", "double", "outside", "ramp",
     "life_none", "life_single", "life_double", "life_outside", "life_crossed",
+    "life_plans_none", "life_plans",
 )  # fmt: skip
 
 FULL = (
@@ -54,6 +56,20 @@ LIFE_EFFECTS = (
     "viscoelasticity", "natural_tension", "hypodermis", "contact_preload", "thickness_error",
     "strain_stiffening", "tape_slip", "surface_layer", "deflection_gain", "power_law_creep",
     "friction_loop", "regulator_lag",
+)  # fmt: skip
+# What others do: openings and programs, placements, and loadings in each of them.
+PLANS = (
+    (((6.0, "ramp:100@20"), (2.0, "ramp:300@60")), 2, 3),
+    (((6.0, "ramp:100@20"), (2.0, "ramp:300@60")), 3, 1),
+    (((4.0, "ramp:200@40,hold:10,ramp:0@40"), (8.0, "ramp:60@10,ramp:0@10")), 2, 1),
+    (((6.0, "ramp:100@20,ramp:0@20"), (2.0, "ramp:300@60,ramp:0@60")), 6, 1),
+    (
+        (
+            (6.0, "ramp:60@3,hold:20,ramp:0@3,hold:10"), (6.0, "ramp:60@30,ramp:0@30"),
+            (2.0, "ramp:200@20,ramp:0@20"),
+        ),
+        2, 1,
+    ),
 )  # fmt: skip
 SECOND_CYCLE = (6.0, "ramp:100@20,ramp:0@20", 2, 1)
 RAMP = ((6.0, "ramp:100@20", 1, 1),)
@@ -123,6 +139,7 @@ class Life:
     stiffness: float = 0.0  # standard deviations, of each placement
     thickness: float = 0.0
     offset_um: float = 0.0
+    rates_hz: tuple[float, ...] = ()  # of each placement, where they differ
 
     @classmethod
     def drawn(cls, rng: np.random.Generator, number: int) -> Life:
@@ -272,7 +289,7 @@ def draw(part: str, seed: int, number: int, attempt: int) -> tuple[Truth, Any]:
         hidden = [names[number % len(names)]]
     elif part == "life_single":
         hidden = [LIFE_EFFECTS[number % len(LIFE_EFFECTS)]]
-    elif part == "life_crossed":
+    elif part in ("life_crossed", "life_plans"):
         # Twelve effects, and all errors at each third number: in step, four of the effects have
         # all errors always, and eight never. So each round of twelve is moved by one.
         hidden = [LIFE_EFFECTS[(number + number // len(LIFE_EFFECTS)) % len(LIFE_EFFECTS)]]
@@ -298,6 +315,17 @@ def draw(part: str, seed: int, number: int, attempt: int) -> tuple[Truth, Any]:
             times, openings = int(rng.integers(1, 5)), int(rng.choice([3, 3, 2, 1]))
         plan = [(*entry, 1 + i) for i in range(times) for entry in LIFE[:openings]]
         life, second = Life.drawn(rng, number), False
+    if life is not None and part.startswith("life_plans"):
+        openings, placements, cycles = PLANS[int(rng.integers(len(PLANS)))]
+        plan = [
+            (*one, 1 + cycle, 1 + i)
+            for i in range(placements)
+            for one in openings
+            for cycle in range(cycles)
+        ]
+        if rng.random() < 1 / 3:
+            rates = rng.choice([10.0, 20.0, 50.0, 100.0, 200.0], placements)
+            life = replace(life, rates_hz=tuple(rates.tolist()))
     if second and part != "ramp":
         plan.append(SECOND_CYCLE)
     truth = Truth(
@@ -320,12 +348,20 @@ def _size(rng: np.random.Generator, zero: float, low: float, high: float, sign: 
 
 
 def curve_of(
-    truth: Truth, entry: tuple[float, str, int, int], rng: np.random.Generator
+    truth: Truth,
+    entry: tuple[float, str, int, int],
+    rng: np.random.Generator,
+    placed: np.random.Generator | None = None,
 ) -> tuple[Curve, Array, Array] | None:
-    """Return the measured curve, and `clean_mm` and `true_mbar` of it; None where no skin holds."""
+    """Return the measured curve, and `clean_mm` and `true_mbar` of it; None where no skin holds.
+
+    How the probe sits is drawn from `placed`, where several curves are of one placement.
+    """
     aperture, text, cycle, repeat = entry
     program = parse_program(text)
     life = truth.life or Life()
+    if life.rates_hz:
+        life = replace(life, rate_hz=life.rates_hz[(repeat - 1) % len(life.rates_hz)])
     t = np.arange(int(program.duration_s * life.rate_hz + 1e-9) + 1) / life.rate_hz
     if life.lost or life.jitter_s:
         t = t[rng.random(len(t)) >= life.lost]
@@ -334,12 +370,12 @@ def curve_of(
     if life.lag_s:
         path = felt_path({"regulator_lag": {"tau_s": life.lag_s}}, path)
     thickness, skin = truth.thickness_mm, truth.skin
-    # A placement of its own.
-    thickness *= float(np.exp(life.thickness * rng.normal()))
-    stiffer = float(np.exp(life.stiffness * rng.normal()))
+    sits = rng if placed is None else placed  # else a placement of its own
+    thickness *= float(np.exp(life.thickness * sits.normal()))
+    stiffer = float(np.exp(life.stiffness * sits.normal()))
     x1, x2, nu = skin.values
     skin = Skin((x1 * stiffer, x2 * stiffer, nu))
-    offset_mm = 1e-3 * life.offset_um * rng.normal()
+    offset_mm = 1e-3 * life.offset_um * sits.normal()
 
     def dome(one: Skin, thickness_mm: float) -> Array:
         geometry = Geometry(aperture, thickness_mm)
@@ -374,8 +410,12 @@ def make(part: str, seed: int, number: int) -> tuple[Truth, Made]:
         rng = np.random.default_rng([seed, PARTS.index(part), number, attempt, 1])
         found = []
         for entry in plan:
+            placed = None
+            if part.startswith("life_plans"):
+                name = [seed, PARTS.index(part), number, attempt, 2, round(10 * entry[0]), entry[3]]
+                placed = np.random.default_rng(name)
             try:
-                one = curve_of(truth, entry, rng)
+                one = curve_of(truth, entry, rng, placed)
             except InputError:  # two creeps that would relax more than all stress
                 one = None
             if one is None:

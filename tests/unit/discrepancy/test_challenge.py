@@ -77,6 +77,29 @@ def test_what_a_placement_does_is_no_part_of_what_is_hidden():
         assert abs(np.median(measured[p > 90.0])) > 5e-3
 
 
+def test_loadings_of_one_placement_sit_alike_and_placements_differ():
+    """Cycles share a stiffness and a zero; rates may differ between placements."""
+
+    def is_one(number):
+        truth, plan = draw("life_plans_none", 5, number, 0)
+        return truth.life.kind == "offset" and len(plan) == 12 and plan[2][2] == 3
+
+    number = next(n for n in range(300) if is_one(n))
+    truth, made = make("life_plans_none", 5, number)
+    zero = {}
+    for curve, clean in zip(made.campaign.curves, made.clean_mm, strict=True):
+        setup = curve.setup
+        place = setup.aperture_mm, setup.repeat
+        zero.setdefault(place, []).append(float(np.mean(curve.deflection_mm - clean)))
+    each = np.array(list(zero.values()))
+    assert each.shape == (4, 3)
+    assert truth.life.offset_um > 2.0
+    within, between = np.ptp(each, axis=1).max(), np.ptp(each.mean(axis=1))
+    assert within < 2.5e-3 < between
+    rates = (draw("life_plans", 5, n, 0)[0].life.rates_hz for n in range(12))
+    assert {len(r) for r in rates if r} <= {2, 3, 6}
+
+
 @pytest.mark.long
 @pytest.mark.parametrize(("seed", "number"), [(101911, 0), (101911, 4), (191911, 0)])
 def test_pairs_that_the_search_had_missed_lead(table, seed, number):
