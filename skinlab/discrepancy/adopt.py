@@ -20,6 +20,8 @@ from skinlab.mechanics.model_file import (
 )
 from skinlab.versions import __version__
 
+ADOPTED = 0.1  # of its size an effect differs at least: stiffness does by 6 to 12 % from day to day
+
 
 def adopted(
     base: Model,
@@ -47,7 +49,9 @@ def adopted(
         if (axis.effect, axis.parameter.name) in stated:
             continue  # the thickness' uncertainty is that of these data, not of the model
         value = axis.to_value(float(u))
-        sd = max(abs(axis.slope(float(u))) * float(deviation), 1e-9)
+        # Another site of the same kind of skin is not the same to a thousandth.
+        size = abs(value - (axis.parameter.zero or 0.0))
+        sd = max(abs(axis.slope(float(u))) * float(deviation), ADOPTED * size, 1e-9)
         effects.setdefault(axis.effect, {})[axis.parameter.name] = EffectRange(
             value, axis.parameter.low, axis.parameter.high, Normal(value, sd)
         )

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from skinlab.discrepancy.records import Record
 from skinlab.discrepancy.unknowns import BasePrior, Known, Unknowns
+from skinlab.mechanics.effects import get_effect
 from skinlab.mechanics.model_file import Model, Normal
 
 Array = NDArray[np.float64]
@@ -28,13 +29,22 @@ def unknowns_of(model: Model) -> Unknowns:
     known, space = [], model.space
     for name, ranges in model.effects.items():
         for parameter, at in ranges.items():
-            sd = at.prior.sd if isinstance(at.prior, Normal) else 0.0
-            known.append(Known(name, parameter, at.value, sd))
+            normal = at.prior if isinstance(at.prior, Normal) else None
+            sd, mean = (0.0, None) if normal is None else (normal.sd, normal.mean)
+            low, high = _own_bounds(model, name, parameter)
+            known.append(Known(name, parameter, at.value, sd, mean=mean, low=low, high=high))
     priors = tuple(BasePrior(*known) for known in model.normal_priors(space))
     return Unknowns(
         tuple(sorted(model.effects)), model.model.kappa, tuple(known), model.model.law,
         space if model.parameters else None, priors,
     )  # fmt: skip
+
+
+def _own_bounds(model: Model, effect: str, parameter: str) -> tuple[float | None, float | None]:
+    """Return a model's bounds of an effect's parameter; None where they are the effect's own."""
+    low, high = model.bounds(f"{effect}.{parameter}")
+    own = next(p for p in get_effect(effect).parameters if p.name == parameter)
+    return (None if low == own.low else low), (None if high == own.high else high)
 
 
 def _kinds(unknowns: Unknowns) -> list[int]:

@@ -20,6 +20,7 @@ from skinlab.parameters import Parameter, Search, Space
 Array = NDArray[np.float64]
 Values = dict[str, dict[str, float]]
 
+_FLAT = 10.0  # times as wide as the bounds: a Gaussian that is as good as even between them
 HELD = 0.003  # of its range, or of a logarithm's value: the deviation of a parameter that is held
 
 
@@ -28,8 +29,8 @@ class Axis:
     """One effect parameter as an unknown: `typical` sizes from its zero, or a logarithm."""
 
     effect: str
-    parameter: Parameter
-    known: tuple[float, float] | None = None  # value and standard deviation, from a model
+    parameter: Parameter  # with a model's bounds, where it has its own
+    known: Known | None = None  # what a model says
 
     @property
     def name(self) -> str:
@@ -66,10 +67,13 @@ class Axis:
     @property
     def prior(self) -> tuple[float, float]:
         """Mean and standard deviation of its Gaussian prior."""
-        p = self.parameter
-        if self.known is not None:
-            mean = self.to_u(self.known[0])
-            return mean, max(self.known[1] / abs(self.slope(mean)), 1e-6)
+        p, known = self.parameter, self.known
+        if known is not None and known.sd > 0:
+            mean = self.to_u(known.value if known.mean is None else known.mean)
+            return mean, max(known.sd / abs(self.slope(mean)), 1e-6)
+        if known is not None and known.bounded:
+            low, high = self.bounds
+            return 0.5 * (low + high), _FLAT * (high - low)
         if p.zero is None:
             return math.log(p.typical), SEARCH.prior_decades * math.log(10.0)
         return 0.0, SEARCH.prior_sizes
@@ -78,20 +82,34 @@ class Axis:
     def one_sided(self) -> bool:
         """Whether the prior is cut off at its mean, the parameter's zero."""
         p = self.parameter
-        if p.zero is None or (self.known is not None and self.known[0] != p.zero):
+        if p.zero is None or self.prior[0] != self.to_u(p.zero):
             return False
         return p.zero <= p.low or p.zero >= p.high
 
 
 @dataclass(frozen=True)
 class Known:
-    """What a model says of one parameter: its value, and how sure; an sd of 0 fixes nothing."""
+    """What a model says of one parameter: where it begins, and its prior."""
 
     effect: str
     parameter: str
     value: float
-    sd: float  # 0: no more than the effect's own prior
+    sd: float = 0.0  # 0: even between bounds of its own, else the effect's own prior
     stated: bool = False  # with the data (the thickness' uncertainty), not by a model
+    mean: float | None = None  # of the prior; None: the value
+    low: float | None = None  # None: the effect's own bound
+    high: float | None = None
+
+    @property
+    def bounded(self) -> bool:
+        """Whether it has bounds of its own."""
+        return self.low is not None or self.high is not None
+
+    def within(self, parameter: Parameter) -> Parameter:
+        """Return the parameter with these bounds."""
+        low = parameter.low if self.low is None else self.low
+        high = parameter.high if self.high is None else self.high
+        return replace(parameter, low=low, high=high)
 
 
 @dataclass(frozen=True)
@@ -132,12 +150,13 @@ class Unknowns:
     @cached_property
     def axes(self) -> tuple[Axis, ...]:
         """Effect parameters that are unknown: those without a default of no effect."""
-        said = {(k.effect, k.parameter): (k.value, k.sd) for k in self.known if k.sd > 0}
+        said = {(k.effect, k.parameter): k for k in self.known}
         return tuple(
-            Axis(name, p, said.get((name, p.name)))
+            Axis(name, p) if known is None else Axis(name, known.within(p), known)
             for name in self.effects
             for p in get_effect(name).parameters
             if p.default is None
+            for known in (said.get((name, p.name)),)
         )
 
     def with_effect(self, name: str) -> Unknowns:
@@ -238,7 +257,7 @@ class Unknowns:
         """Return unknowns with the effects at their typical size, or at `sizes` times it."""
         sizes = sizes or {}
         effects = [
-            a.to_u(a.known[0])
+            a.to_u(a.known.value)
             if a.known is not None
             else a.to_u(a.parameter.typical)
             * (1.0 if a.parameter.zero is None else sizes.get(a.effect, 1.0))

@@ -102,6 +102,12 @@ CATALOGUE = {
         "Check subject, site, opening and thickness; if they are right, use the numbers as they "
         "are.",
     ),
+    "unlike_model": Flag(
+        "unlike the model's {}",
+        "These curves contradict what the model says of the size of {}, so that was not used.",
+        "Check subject and site; if they are right, the effect has another size here: use the "
+        "numbers as they are.",
+    ),
     "height_not_reached": Flag(
         "height not reached",
         "A height that the program was to stop at was not reached within its pressure.",

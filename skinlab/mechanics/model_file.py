@@ -306,5 +306,9 @@ def _check_range(
     if isinstance(at.prior, Normal):
         if not (math.isfinite(at.prior.mean) and 0 < at.prior.sd < math.inf):
             raise InputError(f"{where}.prior: expected a finite mean and a positive sd")
+        if not low <= at.prior.mean <= high:
+            raise InputError(
+                f"{where}.prior.mean is {at.prior.mean:g}: expected {low:g} to {high:g}"
+            )
     elif at.prior == "log-uniform" and low <= 0:
         raise InputError(f"{where}.prior: log-uniform needs a positive low, got {low:g}")

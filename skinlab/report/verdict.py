@@ -122,6 +122,8 @@ def _of_flags(flags: Sequence[str]) -> Verdict:
         remarks.append("the skin creases")
     if "unlike_cohort" in kinds:
         remarks.append("unlike the population")
+    if "unlike_model" in kinds:
+        remarks.append("unlike what the model has learned")
     step = Step.REPEAT_TO_CONFIRM
     if loose:
         step = Step.OTHER_OPENING

@@ -138,3 +138,41 @@ def test_a_thickness_of_each_placement_is_no_noise(table):
     assert answer.noise_um == pytest.approx(3.0, rel=0.2)
     assert "placement" not in answer.error_model.name
     assert not {"misfit_above_noise", "stated_noise_contradicted"} & set(answer.flags)
+
+
+def zero(at, low=None, high=None, prior="uniform"):
+    """A model whose readings may have another zero, µm."""
+    effect = {"offset_um": EffectRange(at, low, high, prior)}
+    return Model(Header("own"), effects={"deflection_offset": effect})
+
+
+def test_a_model_s_bounds_of_an_effect_hold(table):
+    """They had been read and not used: a stretch between 1.05 and 1.08 came out as 1.004."""
+    curve = curve_of(table, np.random.default_rng(3).normal(0.0, 2.0, 100))
+    found = identifier(table, zero(30.0, 25.0, 40.0))(curve).parameters
+    offset = found["deflection_offset.offset_um"]
+    assert 25.0 <= offset.low <= offset.value <= offset.high <= 40.0
+    assert offset.value < 32.0  # towards where the data are
+
+
+def test_a_prior_s_mean_counts_and_not_where_the_fit_begins(table):
+    """The value of the file had been the mean; only files that were edited have two."""
+    curve = curve_of(table, np.random.default_rng(3).normal(0.0, 2.0, 100))
+    found = [
+        identifier(table, zero(at, prior=Normal(mean, 0.1)))(curve).parameters
+        for at, mean in ((0.0, 0.5), (0.5, 0.5), (0.5, 0.0))
+    ]
+    first, same, other = (f["deflection_offset.offset_um"].value for f in found)
+    assert first == pytest.approx(same, abs=0.05)
+    assert first - other == pytest.approx(0.5, abs=0.15)
+
+
+def test_what_curves_contradict_is_not_used(table):
+    """A stretch that was learned on one skin made X2 of another one a third, and no flag said so."""
+    curve = curve_of(table, np.random.default_rng(3).normal(0.0, 2.0, 100))
+    unlike = identifier(table, zero(60.0, prior=Normal(60.0, 1.0)))(curve)
+    assert unlike.flags.count("unlike_model:deflection_offset") == 1
+    offset = unlike.parameters["deflection_offset.offset_um"]
+    assert offset.low <= 0.0 <= offset.high < 30.0
+    alike = identifier(table, zero(1.0, prior=Normal(1.0, 1.0)))(curve)
+    assert not any(flag.startswith("unlike_model") for flag in alike.flags)
