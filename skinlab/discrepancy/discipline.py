@@ -360,23 +360,21 @@ def shares_of(errors: CampaignErrors, base: Linearised, linear: Linearised) -> S
     return Shares(*(1e3 * float(np.sqrt(np.mean(v**2))) for v in (rest, placement, mesh, effect)))
 
 
-def repeats_um(records: Sequence[Record], members: Sequence[Sequence[int]]) -> float | None:
-    """Return by how much a curve differs from its repeats, root mean square; None without any."""
+def repeats_um(
+    records: Sequence[Record],
+    members: Sequence[Sequence[int]],
+    model_mm: Sequence[NDArray[np.float64]],
+) -> float | None:
+    """Return by how much a curve differs from its repeats, root mean square; None without any.
+
+    Less a model's curves: where first samples are lost, or a ramp is a little faster, repeats are
+    none in time, and what is left of them still is.
+    """
+    off = [r.straight_mm - w for r, w in zip(records, model_mm, strict=True)]
     squares, count = 0.0, 0
-    for group in members:
-        if len(group) < 2:
-            continue
-        first = records[group[0]]
-        t = first.curve.time_s - first.curve.time_s[0]
-        curves = np.array(
-            [
-                np.interp(
-                    t, records[i].curve.time_s - records[i].curve.time_s[0],
-                    records[i].curve.deflection_mm,
-                )
-                for i in group
-            ]
-        )  # fmt: skip
+    for group in (g for g in members if len(g) > 1):
+        t = records[group[0]].curve.time_s
+        curves = np.array([np.interp(t, records[i].curve.time_s, off[i]) for i in group])
         squares += float(np.square(curves - curves.mean(axis=0)).sum())
         count += (len(group) - 1) * len(t)
     return 1e3 * math.sqrt(squares / count) if count else None

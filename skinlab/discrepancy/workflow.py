@@ -185,7 +185,9 @@ def explain(
         shares=shares,
         error_model=said.summary,
         placement=said.placement,
-        repeats_um=repeats_um(final.records, by_condition(final.records)),
+        repeats_um=repeats_um(
+            final.records, by_condition(final.records), chosen.fit.deflections_mm
+        ),
         learned_from_these=learned_from_these,
     )
 

@@ -168,7 +168,7 @@ def test_a_prior_s_mean_counts_and_not_where_the_fit_begins(table):
 
 
 def test_what_curves_contradict_is_not_used(table):
-    """A stretch that was learned on one skin made X2 of another one a third, and no flag said so."""
+    """A stretch that was learned on one skin made X2 of another a third, and no flag said so."""
     curve = curve_of(table, np.random.default_rng(3).normal(0.0, 2.0, 100))
     unlike = identifier(table, zero(60.0, prior=Normal(60.0, 1.0)))(curve)
     assert unlike.flags.count("unlike_model:deflection_offset") == 1
