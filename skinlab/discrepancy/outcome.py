@@ -25,6 +25,7 @@ SCHEMA = "skinlab.discrepancy/1"
 
 _MOST_PLACES = 12
 _MOST_CANDIDATES = 10
+_MOST_OPEN = 3
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,12 +117,14 @@ class Outcome:
             "trials": [
                 {"name": t.name, "passed": t.passed, "sentence": t.sentence} for t in self.trials
             ],
-            "doubted": None
-            if self.doubted is None
-            else {
-                "effects": [e for e in self.doubted.effects if e not in own],
-                "parameters": self.parameters(self.doubted),
-            },
+            "not_ruled_out": [
+                {
+                    "effects": [e for e in c.effects if e not in own],
+                    "parameters": self.parameters(c),
+                    "log10_evidence": c.log10_evidence,
+                }
+                for c in self.not_ruled_out
+            ],
             "parameters": {
                 "before": _base_only(self.parameters(base)),
                 "after": _base_only(self.parameters(self.best)),
@@ -147,8 +150,32 @@ class Outcome:
         return found or ([] if self.verdict.name == "none" else list(places[:3]))
 
     @property
+    def not_ruled_out(self) -> list[Candidate]:
+        """What may be there though it got no name, and would change the parameters.
+
+        That which failed a trial; and where nothing is missing, what would explain the data and is
+        not 20 times less likely than none at all.
+        """
+        if self.verdict.explanations:
+            return []
+        first = [] if self.doubted is None else [self.doubted]
+        if self.verdict.name != "none":
+            return first
+        others = [
+            c
+            for c in self.found.candidates
+            if c.adequate and c.log10_evidence > -NAMES.tie and c not in first
+        ]
+        others.sort(key=lambda c: -c.log10_evidence)
+        return [*first, *others[:_MOST_OPEN]]
+
+    @property
     def detectable(self) -> dict[str, float]:
-        """Smallest size of each effect that these data could have shown, as its parameter."""
+        """Smallest size of each effect that these data could have shown, as its parameter.
+
+        Of a skin as fitted: an effect that a fit without it has taken for another skin may be
+        larger, and is told by `not_ruled_out` if it was fitted.
+        """
         sizes = {name: _size_needed(s) for name, s in sorted(self.found.signatures.items())}
         return {f"{name}.{p.name}": size for name, (p, size) in sizes.items() if _has(p, size)}
 

@@ -171,7 +171,7 @@ def doubt_words(outcome: Outcome) -> list[str]:
         good = not _failed(outcome)
         lines.append("What stands behind it:" if good else f"{_doubted(outcome)}, because:")
         lines += [f"  {t.sentence}" for t in outcome.trials if good or not t.passed]
-        lines += _if_there_words(outcome)
+    lines += _open_words(outcome)
     if outcome.found.implausible:
         lines.append(f"Too large for errors of a measurement: {outcome.found.implausible}.")
     left = (outcome.verdict.explanations or [outcome.found.base])[0].left
@@ -208,20 +208,26 @@ def _doubted(outcome: Outcome) -> str:
     return f"{name} {'is too small for a name' if small else 'seemed to be there and gets no name'}"
 
 
-def _if_there_words(outcome: Outcome) -> list[str]:
-    """Return which of the law's parameters would be others with what is doubted; mostly none."""
-    one = outcome.doubted
-    if one is None:
-        return []
-    held, would = outcome.parameters(outcome.best), outcome.parameters(one)
-    others = [
-        f"{plain(name)[0]} {_value(would[name])}"
-        for name, known in held.items()
-        if not is_effects(name) and not known["low"] <= would[name]["value"] <= known["high"]
-    ]
-    if not others:
-        return []
-    return [f"If it is there all the same, other values are right: {', '.join(others)}."]
+def _open_words(outcome: Outcome) -> list[str]:
+    """Return what the law's parameters would be with what is not ruled out; mostly none."""
+    held, own = outcome.parameters(outcome.best), set(outcome.found.base.effects)
+    lines = []
+    for one in outcome.not_ruled_out:
+        would = outcome.parameters(one)
+        others = [
+            f"{plain(name)[0]} {_value(would[name])}"
+            for name, known in held.items()
+            if not is_effects(name) and not known["low"] <= would[name]["value"] <= known["high"]
+        ]
+        if not others:
+            continue
+        who = "If it is there all the same"
+        if one is not outcome.doubted:
+            lead = one.log10_evidence
+            odds = f"{odds_words(abs(lead))} {'likelier' if lead > 0 else 'less likely'}"
+            who = f"{_name(one, own)} is not ruled out ({odds} than none at all). With it"
+        lines.append(f"{who}, other values are right: {', '.join(others)}.")
+    return lines
 
 
 def lead_words(outcome: Outcome) -> list[str]:
@@ -358,7 +364,7 @@ def limits_words(
     unseen, unsought = ([f"{effect_words(n)}: {why}" for n, why in said.items()] for said in beyond)
     for heading, entries in (
         (
-            "Smallest sizes that these data could have shown:",
+            "Smallest sizes that these data could have shown, of a skin as fitted:",
             [shown(name, size) for name, size in outcome.detectable.items()],
         ),
         (

@@ -13,6 +13,7 @@ from skinlab.discrepancy.candidates import Candidate, Found, Partial, behind_bes
 from skinlab.discrepancy.discipline import Trial
 from skinlab.discrepancy.fit import Fit
 from skinlab.discrepancy.odds import behind_words, each_behind
+from skinlab.discrepancy.outcome import Outcome
 from skinlab.discrepancy.text import doubt_words, learned_words, partial_words, verdict_words
 from skinlab.discrepancy.unknowns import Unknowns
 from skinlab.discrepancy.verdict import Verdict
@@ -103,6 +104,7 @@ def doubted(*failed, base_p, effects=(ZERO,), would=1.3):
         learned=None,
         parameters=lambda c: {"X1_MPa": {"value": values[id(c)], "low": 0.9, "high": 1.1}},
     )  # fmt: skip
+    outcome.not_ruled_out = Outcome.not_ruled_out.fget(outcome)
     return verdict_words(outcome), doubt_words(outcome)
 
 
@@ -121,6 +123,26 @@ def test_what_is_there_and_small_is_not_said_to_be_absent():
         f"{ZERO} seemed to be there and gets no name, because:",
         "  about again",
     )
+
+
+@pytest.mark.parametrize(
+    ("evidence", "said"),
+    [(1.12, "13 times likelier"), (-1.0, "10 times less likely"), (-1.5, None)],
+)
+def test_what_is_not_ruled_out_is_told_where_nothing_is_missing(evidence, said):
+    """A preload of 13 mbar, 13 times likelier, was not mentioned: X2 was four times too large."""
+    one, other = candidate(["contact_preload"], evidence), candidate([ZERO], 1.0, p_value=1e-9)
+    found = Found(candidate([]), {}, [one, other])
+    values = {id(found.base): 1.0, id(one): 1.3, id(other): 1.3}
+    outcome = SimpleNamespace(
+        verdict=Verdict("none", []), found=found, best=found.base, trials=(), doubted=None,
+        learned=None,
+        parameters=lambda c: {"X1_MPa": {"value": values[id(c)], "low": 0.9, "high": 1.1}},
+    )  # fmt: skip
+    outcome.not_ruled_out = Outcome.not_ruled_out.fget(outcome)
+    with_it = "With it, other values are right: X1 1.3  (0.9 to 1.1)."
+    expected = [f"contact_preload is not ruled out ({said} than none at all). {with_it}"]
+    assert doubt_words(outcome) == (expected if said else [])
 
 
 def test_what_is_learned_does_not_hide_effects_that_explain_as_well():
