@@ -51,6 +51,7 @@ from skinlab.inference.uncertainty import (
     Uncertainty,
     about,
     assess,
+    judge_at,
     split_by_group,
 )
 from skinlab.mechanics.materials import get_law
@@ -281,10 +282,34 @@ class Identifier:
             )
         answer = self._answer(groups, models, problem, estimate, blank, kept)
         if intervals:
-            misses = misses_noise(_residuals(groups, models, estimate))
             loose = self._not_identifiable(groups, models, problem, estimate)
-            said = ["misfit_above_noise"] * misses + [f"not_identifiable:{n}" for n in loose]
+            said = [f"not_identifiable:{n}" for n in loose]
+            answer = self._judged(groups, models, estimate, answer)
             answer = replace(answer, flags=(*answer.flags, *said))
+        return answer
+
+    def _judged(
+        self,
+        groups: Sequence[Group],
+        models: Sequence[CurveModel],
+        estimate: Estimate,
+        answer: Identification,
+    ) -> Identification:
+        """Return the answer of a method without intervals with what its errors say of it.
+
+        Next to a noise that was stated by the judgement that all methods share. What the method
+        missed is no noise, and contradicts no statement.
+        """
+        residuals = _residuals(groups, models, estimate)
+        if misses_noise(residuals):
+            return replace(answer, flags=(*answer.flags, "misfit_above_noise"))
+        if self.sensor.noise_um is not None and np.isfinite(np.concatenate(residuals)).all():
+            judged = judge_at(
+                self.database, self.kappa, groups, models, self._space(models),
+                estimate.parameters, self.sensor, self.priors,
+            )  # fmt: skip
+            answer = replace(answer, noise_um=judged.noise_um, error_model=judged.summary)
+            answer = replace(answer, flags=(*answer.flags, *judged.flags))
         return answer
 
     def _not_identifiable(
