@@ -31,7 +31,7 @@ from skinlab.inference.intervals import (
 from skinlab.inference.joint import GaussianPrior, JointMisfit
 from skinlab.inference.methods import METHODS, auto, get_method
 from skinlab.inference.methods.checked import checked_estimate
-from skinlab.inference.noise import jumps
+from skinlab.inference.noise import contradicted_pressure_noise, jumps
 from skinlab.inference.optimise import polish
 from skinlab.inference.posterior import Draws
 from skinlab.inference.problem import Estimate, Options, Problem, SquaredMisfit
@@ -472,8 +472,21 @@ class Identifier:
         return [
             *flags.of_optimum(space.names, unit, converged=estimate.converged),
             *flags.of_curves(curves, [m.beyond for m in members]),
+            *self._pressure_flags(members),
             *(f"thinned:{m.every}" for m in members if m.every > 1),
         ]
+
+    def _pressure_flags(self, members: Sequence[Fitted]) -> list[str]:
+        """Return the flag of a stated pressure noise that most of the curves contradict."""
+        stated = self.sensor.pressure_noise_mbar
+        if stated is None:
+            return []
+        each = [(m.curve.time_s[m.mask], m.curve.pressure_mbar[m.mask]) for m in members]
+        found = [contradicted_pressure_noise(t, p, stated) for t, p in each]
+        against = [mbar for mbar in found if mbar is not None]
+        if 2 * len(against) <= len(found):
+            return []
+        return [f"stated_pressure_noise_contradicted:{float(np.median(against)):.2g}"]
 
 
 def _error_um(

@@ -248,6 +248,12 @@ class JudgementRules:
     """Times the stated noise, either way: `stated_noise_contradicted`, where"""
     doubt: float = 0.01
     """the stated noise is that improbable."""
+    pressure_contradicted: float = 3.0
+    """Times the stated noise of the pressure, either way: `stated_pressure_noise_contradicted`;"""
+    pressure_least_mbar: float = 0.1
+    """no statement is too small by less than so many times this, and"""
+    pressure_fewest: int = 20
+    """none is judged by fewer samples of a curve."""
     most_um: float = 8.0
     """Of errors that last: more is no tremor, but something missing: `misfit_above_noise`. Tremor,
     breathing and creep that were published stay below it."""

@@ -21,7 +21,10 @@ _CONTRADICTED = re.compile(
     r"stated ([0-9.e+-]+) µm, found ([0-9.e+-]+) µm[^;]*"
 )  # in why errors are so
 _CLEARLY = 1.3  # times the noise: below, a ratio says nothing
-_SENTENCES = ("outliers", "correlated_noise", "stated_noise_contradicted", "unlike_cohort")
+_SENTENCES = (
+    "outliers", "correlated_noise", "stated_noise_contradicted",
+    "stated_pressure_noise_contradicted", "unlike_cohort",
+)  # fmt: skip
 
 
 def describe(result: Identification) -> str:

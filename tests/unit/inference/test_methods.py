@@ -23,7 +23,7 @@ from skinlab.inference.uncertainty import Sensor
 from skinlab.mechanics.fem.suction import Geometry
 from skinlab.mechanics.materials import get_law
 from skinlab.parameters import Space
-from skinlab.report.text import describe
+from skinlab.report.text import describe, explain
 from skinlab.reproduction.published_values import PAPER_BOX
 
 UNIT = Space.box(("a", "b"), (0.0, 0.0), (1.0, 1.0))
@@ -483,3 +483,18 @@ def test_a_glitch_contradicts_no_stated_noise(table, method):
     curve = Curve("c", Setup(6.0, 1.0), pressure / 20.0, pressure, skin + noise)
     result = Identifier(table, method=method, sensor=Sensor(3.0, 0.0))(curve)
     assert "stated_noise_contradicted" not in result.flags
+
+
+@pytest.mark.parametrize("method", ["auto", "lm"])
+@pytest.mark.parametrize(("stated_mbar", "said"), [(None, False), (2.0, False), (0.1, True)])
+def test_a_stated_pressure_noise_that_the_readings_contradict(table, method, stated_mbar, said):
+    rng, pressure = np.random.default_rng(173), np.linspace(0.0, 100.0, 101)
+    skin = table.model(Geometry(6.0, 1.0), pressure).deflection_mm(np.array([[0.02, 2.0, 0.3]]))[0]
+    readings = pressure + rng.normal(0.0, 2.0, 101)
+    curve = Curve("c", Setup(6.0, 1.0), pressure / 20.0, readings, skin + rng.normal(0, 1e-3, 101))
+    result = Identifier(table, method=method, sensor=Sensor(None, stated_mbar))(curve)
+    found = [f for f in result.flags if f.startswith("stated_pressure_noise_contradicted:")]
+    assert bool(found) == said
+    if said:
+        assert float(found[0].partition(":")[2]) == pytest.approx(2.0, rel=0.3)
+        assert any("shows a noise of" in sentence for sentence in explain(result))
