@@ -65,6 +65,12 @@ CATALOGUE = {
         "residuals.",
         "Check the statement; if it is right, look for movement and contact.",
     ),
+    "stated_pressure_noise_contradicted": Flag(
+        "pressure noise {} mbar, not as stated",
+        "The pressure channel shows a noise of {} mbar, and another one was stated; the intervals "
+        "follow the statement.",
+        "Check the statement, or leave it out: then the channel's own noise is used.",
+    ),
     "outliers": Flag(
         "samples left out: {}",
         "Samples that do not belong to the curve were left out: {}.",

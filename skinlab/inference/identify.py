@@ -31,7 +31,7 @@ from skinlab.inference.intervals import (
 from skinlab.inference.joint import GaussianPrior, JointMisfit
 from skinlab.inference.methods import METHODS, auto, get_method
 from skinlab.inference.methods.checked import checked_estimate
-from skinlab.inference.noise import jumps
+from skinlab.inference.noise import contradicted_pressure_noise, jumps
 from skinlab.inference.optimise import polish
 from skinlab.inference.posterior import Draws
 from skinlab.inference.problem import Estimate, Options, Problem, SquaredMisfit
@@ -51,6 +51,7 @@ from skinlab.inference.uncertainty import (
     Uncertainty,
     about,
     assess,
+    judge_at,
     split_by_group,
 )
 from skinlab.mechanics.materials import get_law
@@ -281,10 +282,34 @@ class Identifier:
             )
         answer = self._answer(groups, models, problem, estimate, blank, kept)
         if intervals:
-            misses = misses_noise(_residuals(groups, models, estimate))
             loose = self._not_identifiable(groups, models, problem, estimate)
-            said = ["misfit_above_noise"] * misses + [f"not_identifiable:{n}" for n in loose]
+            said = [f"not_identifiable:{n}" for n in loose]
+            answer = self._judged(groups, models, estimate, answer)
             answer = replace(answer, flags=(*answer.flags, *said))
+        return answer
+
+    def _judged(
+        self,
+        groups: Sequence[Group],
+        models: Sequence[CurveModel],
+        estimate: Estimate,
+        answer: Identification,
+    ) -> Identification:
+        """Return the answer of a method without intervals with what its errors say of it.
+
+        Next to a noise that was stated by the judgement that all methods share. What the method
+        missed is no noise, and contradicts no statement.
+        """
+        residuals = _residuals(groups, models, estimate)
+        if misses_noise(residuals):
+            return replace(answer, flags=(*answer.flags, "misfit_above_noise"))
+        if self.sensor.noise_um is not None and np.isfinite(np.concatenate(residuals)).all():
+            judged = judge_at(
+                self.database, self.kappa, groups, models, self._space(models),
+                estimate.parameters, self.sensor, self.priors,
+            )  # fmt: skip
+            answer = replace(answer, noise_um=judged.noise_um, error_model=judged.summary)
+            answer = replace(answer, flags=(*answer.flags, *judged.flags))
         return answer
 
     def _not_identifiable(
@@ -447,8 +472,21 @@ class Identifier:
         return [
             *flags.of_optimum(space.names, unit, converged=estimate.converged),
             *flags.of_curves(curves, [m.beyond for m in members]),
+            *self._pressure_flags(members),
             *(f"thinned:{m.every}" for m in members if m.every > 1),
         ]
+
+    def _pressure_flags(self, members: Sequence[Fitted]) -> list[str]:
+        """Return the flag of a stated pressure noise that most of the curves contradict."""
+        stated = self.sensor.pressure_noise_mbar
+        if stated is None:
+            return []
+        each = [(m.curve.time_s[m.mask], m.curve.pressure_mbar[m.mask]) for m in members]
+        found = [contradicted_pressure_noise(t, p, stated) for t, p in each]
+        against = [mbar for mbar in found if mbar is not None]
+        if 2 * len(against) <= len(found):
+            return []
+        return [f"stated_pressure_noise_contradicted:{float(np.median(against)):.2g}"]
 
 
 def _error_um(

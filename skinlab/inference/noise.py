@@ -11,7 +11,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from skinlab.inference.settings import NOISE
+from skinlab.inference.settings import JUDGEMENT, NOISE
 from skinlab.tables.model_errors import LOCKING_SHAPES
 
 Array = NDArray[np.float64]
@@ -84,6 +84,26 @@ def roughness(values: Array) -> float:
     usual = float(np.median(bend) / _QUARTILE)
     kept = bend[bend <= NOISE.corner * usual]
     return float(np.sqrt(np.mean(kept**2))) / scale
+
+
+def contradicted_pressure_noise(
+    time_s: Array, pressure_mbar: Array, stated_mbar: float
+) -> float | None:
+    """Return the noise of a pressure channel (n,), mbar, where it contradicts the stated one.
+
+    Rounding may be part of a statement or not. A channel without any noise is a program, and says
+    nothing of a sensor.
+    """
+    if len(time_s) < JUDGEMENT.pressure_fewest:
+        return None
+    found = pressure_noise_mbar(time_s, pressure_mbar)
+    levels = np.unique(np.round(pressure_mbar, 6))
+    step = float(np.diff(levels).min()) if len(levels) > 1 else 0.0
+    rounded = float(np.hypot(found, step / np.sqrt(12.0)))
+    times, least = JUDGEMENT.pressure_contradicted, JUDGEMENT.pressure_least_mbar
+    too_small = found > times * max(np.hypot(stated_mbar, step / np.sqrt(12.0)), least)
+    too_large = found > 0.0 and times * rounded < stated_mbar
+    return found if too_small or too_large else None
 
 
 def pressure_noise_mbar(time_s: Array, pressure_mbar: Array) -> float:

@@ -60,7 +60,8 @@ class Identification:
     outliers: NDArray[np.bool_] | None = None  # (points,) left out, since they do not belong
     # The same of curves together: numbers by file, of those that have any.
     outliers_by_file: dict[str, list[int]] = field(default_factory=dict)
-    error_model: ErrorModelSummary | None = None  # of the samples' errors, with intervals
+    # Of the samples' errors, with intervals, or where a noise is stated.
+    error_model: ErrorModelSummary | None = None
     placement: PlacementSummary | None = None  # of several curves, where placements may differ
     fitted_points: int = 0
     files: tuple[str, ...] | None = None  # of a joint identification

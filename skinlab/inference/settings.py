@@ -216,6 +216,8 @@ class ChoiceRules:
     """Nodes that the curvature at the mode counts as there, beside them."""
     from_prior: float = 0.2
     """Share of the nodes."""
+    least_share: float = 0.2
+    """Of the best mode's nodes, where a statement holds or does not: another mode's, if there."""
     most_models: int = 4
     """Beside those that are always there."""
     negligible: float = 1e-3
@@ -246,6 +248,12 @@ class JudgementRules:
     """Times the stated noise, either way: `stated_noise_contradicted`, where"""
     doubt: float = 0.01
     """the stated noise is that improbable."""
+    pressure_contradicted: float = 3.0
+    """Times the stated noise of the pressure, either way: `stated_pressure_noise_contradicted`;"""
+    pressure_least_mbar: float = 0.1
+    """no statement is too small by less than so many times this, and"""
+    pressure_fewest: int = 20
+    """none is judged by fewer samples of a curve."""
     most_um: float = 8.0
     """Of errors that last: more is no tremor, but something missing: `misfit_above_noise`. Tremor,
     breathing and creep that were published stay below it."""

@@ -430,11 +430,36 @@ def assess(
         return likelihood(parameters) - 0.5 * sum(prior(parameters) for prior in priors)
 
     draws = sample(space, JointMisfit(parts), modes, rng, log_density=log_density)
-    left_mm = fitted.linear.residual_mm[kept]
-    residual_um = 1e3 * float(np.sqrt(np.mean(left_mm**2))) if len(left_mm) else 0.0
-    judged = judge_errors(errors, sensor.noise_um, residual_um)
+    judged = _judged(fitted, kept, errors)
     noise_mbar = float(np.median(fitted.pressure_sd_mbar()))
     return Uncertainty(names, space, draws, judged, tuple(parts), relative_sd, noise_mbar)
+
+
+def judge_at(
+    database: Database,
+    kappa: KappaConvention,
+    groups: Sequence[Group],
+    models: Sequence[CurveModel],
+    space: Space,
+    parameters: Array,
+    sensor: Sensor,
+    priors: Sequence[GaussianPrior] = (),
+) -> Judged:
+    """Return what `assess` says of the errors, at an answer (p,) of a method without intervals.
+
+    Such a method fits glitches too: for the judgement they are left out, and the answer stays.
+    """
+    groups, models = _on_smooth_pressures(groups, models, parameters, database, kappa, sensor)
+    unit, elsewhere = space.to_unit(parameters), Elsewhere(database, kappa)
+    fitted = about(groups, models, space, unit, sensor, priors, elsewhere)
+    kept = fitted.outlier_probability() <= 0.5
+    return _judged(fitted, kept, fitted.choose_errors(kept))
+
+
+def _judged(fitted: Fitted, kept: NDArray[np.bool_], errors: ErrorChoice) -> Judged:
+    left_mm = fitted.linear.residual_mm[kept]
+    residual_um = 1e3 * float(np.sqrt(np.mean(left_mm**2))) if len(left_mm) else 0.0
+    return judge_errors(errors, fitted.sensor.noise_um, residual_um)
 
 
 def _of_group(covariance: Covariance, members: NDArray[np.bool_]) -> Covariance:

@@ -22,7 +22,8 @@ _CONTRADICTED = re.compile(
 )  # in why errors are so
 _CLEARLY = 1.3  # times the noise: below, a ratio says nothing
 _SENTENCES = (
-    "outliers", "correlated_noise", "stated_noise_contradicted", "unlike_cohort", "unlike_model",
+    "outliers", "correlated_noise", "stated_noise_contradicted",
+    "stated_pressure_noise_contradicted", "unlike_cohort", "unlike_model",
 )  # fmt: skip
 
 

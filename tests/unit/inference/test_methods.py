@@ -19,14 +19,17 @@ from skinlab.inference.methods import (
     stochastic,
 )
 from skinlab.inference.problem import Options, Problem
+from skinlab.inference.uncertainty import Sensor
 from skinlab.mechanics.fem.suction import Geometry
 from skinlab.mechanics.materials import get_law
 from skinlab.parameters import Space
+from skinlab.report.text import describe, explain
 from skinlab.reproduction.published_values import PAPER_BOX
 
 UNIT = Space.box(("a", "b"), (0.0, 0.0), (1.0, 1.0))
 TRUE = np.array([0.6, 0.3])
 TIME = np.linspace(0.0, 1.0, 30)
+ALL = ["auto", "gn", "gn-linesearch", "hka", "lm", "rls", "sto"]
 
 
 class Sampled:
@@ -443,12 +446,55 @@ def test_a_curve_without_any_pressure_has_an_answer(table, method):
     json.dumps(result.to_json(), allow_nan=False)
 
 
-@pytest.mark.parametrize("method", ["auto", "gn", "gn-linesearch", "hka", "lm", "rls", "sto"])
-def test_a_curve_that_no_skin_has_is_flagged(table, method):
+@pytest.mark.parametrize("noise_um", [None, 3.0])
+@pytest.mark.parametrize("method", ALL)
+def test_a_curve_that_no_skin_has_is_flagged(table, method, noise_um):
     """`sto` said nothing of a deflection of zero up to 100 mbar."""
     time_s = np.arange(51) / 10
     curve = Curve("zero", Setup(6.0, 1.0), time_s, 20 * time_s, np.zeros(51))
-    result = Identifier(table, method=method)(curve)
+    result = Identifier(table, method=method, sensor=Sensor(noise_um))(curve)
     assert result.error is None
     assert "misfit_above_noise" in result.flags
     json.dumps(result.to_json(), allow_nan=False)
+
+
+@pytest.mark.parametrize("method", [method for method in ALL if method != "rls"])
+def test_every_method_contradicts_a_stated_noise_that_its_residuals_show_to_be_wrong(table, method):
+    """`rls` ends far off: what it misses is a misfit."""
+    pressure = np.linspace(0.0, 100.0, 51)
+    skin = table.model(Geometry(6.0, 1.0), pressure).deflection_mm(np.array([[0.02, 2.0, 0.3]]))[0]
+    noise = np.random.default_rng(173).normal(0.0, 3e-3, 51)
+    curve = Curve("c", Setup(6.0, 1.0), pressure / 20.0, pressure, skin + noise)
+    flag = "stated_noise_contradicted"
+    for stated_um, contradicted in ((3.0, False), (1.0, True), (9.0, True)):
+        result = Identifier(table, method=method, sensor=Sensor(stated_um, 0.0))(curve)
+        assert (flag in result.flags) == contradicted
+        assert ("misfit_above_noise" in result.flags) == (stated_um == 1.0)
+        assert (f"stated {stated_um:.3g} µm, found" in describe(result)) == contradicted
+    assert flag not in Identifier(table, method=method)(curve).flags
+
+
+@pytest.mark.parametrize("method", ALL)
+def test_a_glitch_contradicts_no_stated_noise(table, method):
+    pressure = np.linspace(0.0, 100.0, 51)
+    skin = table.model(Geometry(6.0, 1.0), pressure).deflection_mm(np.array([[0.02, 2.0, 0.3]]))[0]
+    noise = np.random.default_rng(173).normal(0.0, 3e-3, 51)
+    noise[20] += 0.1
+    curve = Curve("c", Setup(6.0, 1.0), pressure / 20.0, pressure, skin + noise)
+    result = Identifier(table, method=method, sensor=Sensor(3.0, 0.0))(curve)
+    assert "stated_noise_contradicted" not in result.flags
+
+
+@pytest.mark.parametrize("method", ["auto", "lm"])
+@pytest.mark.parametrize(("stated_mbar", "said"), [(None, False), (2.0, False), (0.1, True)])
+def test_a_stated_pressure_noise_that_the_readings_contradict(table, method, stated_mbar, said):
+    rng, pressure = np.random.default_rng(173), np.linspace(0.0, 100.0, 101)
+    skin = table.model(Geometry(6.0, 1.0), pressure).deflection_mm(np.array([[0.02, 2.0, 0.3]]))[0]
+    readings = pressure + rng.normal(0.0, 2.0, 101)
+    curve = Curve("c", Setup(6.0, 1.0), pressure / 20.0, readings, skin + rng.normal(0, 1e-3, 101))
+    result = Identifier(table, method=method, sensor=Sensor(None, stated_mbar))(curve)
+    found = [f for f in result.flags if f.startswith("stated_pressure_noise_contradicted:")]
+    assert bool(found) == said
+    if said:
+        assert float(found[0].partition(":")[2]) == pytest.approx(2.0, rel=0.3)
+        assert any("shows a noise of" in sentence for sentence in explain(result))

@@ -6,6 +6,7 @@ import pytest
 from skinlab.inference.covariance import independent
 from skinlab.inference.noise import (
     MESH_ERROR,
+    contradicted_pressure_noise,
     jumps,
     legendre,
     mesh_error_shapes,
@@ -118,3 +119,40 @@ def test_a_step_is_told_from_noise_and_from_what_bends():
         assert not jumps(noise)
         assert not jumps(noise + 60.0 * np.exp(-n / 4))
     assert not jumps(np.zeros(10))
+
+
+def channels(rng, sd_mbar):
+    """Return times and readings of pressure channels that drift, of five programs."""
+    for n, hz in ((51, 10.0), (101, 20.0), (501, 100.0)):
+        t = np.arange(n) / hz
+        ramp = 100.0 * t / t[-1]
+        steps, hold = 25.0 * np.floor(ramp / 20.0), np.minimum(3.0 * ramp, 100.0)
+        for program in (ramp, np.minimum(ramp, 100.0 - ramp), hold, steps, 100 * np.tanh(t)):
+            drift = 0.3 * np.cumsum(np.sqrt(1.0 / hz) * rng.standard_normal(n))
+            readings = program + drift + sd_mbar * rng.standard_normal(n)
+            yield t, readings
+            yield t, 0.5 * np.round(readings / 0.5)
+
+
+@pytest.mark.parametrize(
+    ("true_mbar", "stated_mbar", "at_least", "at_most"),
+    [
+        (0.05, 0.05, 0.0, 0.01), (0.2, 0.2, 0.0, 0.01), (2.0, 2.0, 0.0, 0.01),
+        (2.0, 0.1, 0.99, 1.0), (0.05, 3.0, 0.5, 1.0),
+    ],
+)  # fmt: skip
+def test_a_stated_pressure_noise_is_contradicted_by_the_readings(
+    true_mbar, stated_mbar, at_least, at_most
+):
+    """Half of the channels are rounded to 0.5 mbar, of which 0.05 mbar of noise do not show."""
+    rng = np.random.default_rng(173)
+    each = [channel for _ in range(7) for channel in channels(rng, true_mbar)]
+    found = [contradicted_pressure_noise(t, p, stated_mbar) is not None for t, p in each]
+    assert len(found) >= 200
+    assert at_least <= np.mean(found) <= at_most
+
+
+def test_a_pressure_that_is_a_program_contradicts_nothing():
+    t = np.arange(101) / 20.0
+    assert contradicted_pressure_noise(t, 20.0 * t, 3.0) is None
+    assert contradicted_pressure_noise(t[:15], 20.0 * t[:15], 0.0) is None
