@@ -139,6 +139,7 @@ class ModelIdentifier(Identifier):
         left_out = sum(int((~k).sum()) for k in search.kept) + glitches_of(members)
         said = (
             *_flags(members, fit, left, self.seed),
+            *self._pressure_flags(members),
             *judged.flags,
             *(["misfit_above_noise"] if base.left.p_value < ERRORS.adequate else []),
             *([f"outliers:{left_out}"] if left_out else []),

@@ -1,5 +1,7 @@
 """Identification with a model that has effects: errors, placements and outliers as without."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -165,6 +167,14 @@ def test_a_prior_s_mean_counts_and_not_where_the_fit_begins(table):
     first, same, other = (f["deflection_offset.offset_um"].value for f in found)
     assert first == pytest.approx(same, abs=0.05)
     assert first - other == pytest.approx(0.5, abs=0.15)
+
+
+def test_a_stated_noise_of_the_pressure_is_contradicted_here_too(table):
+    rng = np.random.default_rng(3)
+    curve = curve_of(table, rng.normal(0.0, 2.0, 100))
+    noisy = replace(curve, pressure_mbar=curve.pressure_mbar + rng.normal(0.0, 2.0, 100))
+    found = identifier(table, pressure_noise_mbar=0.1)(noisy)
+    assert any(f.startswith("stated_pressure_noise_contradicted:") for f in found.flags)
 
 
 def test_what_curves_contradict_is_not_used(table):
