@@ -132,6 +132,10 @@ def check_declared(parameters: object) -> None:
         for field, value in ends:
             if not isinstance(value, Real):
                 raise TypeError(f"its parameter {p.name}: {field} is {value!r}; expected a number")
+            if not math.isfinite(value):  # a search goes through all that is between the bounds
+                raise ValueError(
+                    f"its parameter {p.name}: {field} is {value:g}; expected a finite number"
+                )
             if not p.low <= value <= p.high or p.low == p.high:
                 raise ValueError(
                     f"its parameter {p.name}: {field} is {value:g} in {p.low:g} to {p.high:g}; "

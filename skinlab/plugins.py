@@ -198,7 +198,7 @@ class Registry(Generic[T]):
             if self._adopt is not None:
                 self._adopt(one, who)
         except (Exception, SystemExit) as error:  # noqa: BLE001 -- anything may be in it
-            return f"{who}: left out, because it is broken: {_reason(error)}"
+            return f"{who}: left out, because it is broken: {reason(error)}"
         self._found[entry.name] = one
         self._origins[entry.name] = origin
         return None
@@ -206,7 +206,7 @@ class Registry(Generic[T]):
 
 def broken(who: str, error: BaseException) -> BrokenPluginError:
     """Return the sentence that says that an installed one broke down, and why."""
-    return BrokenPluginError(f"{who}: broke down: {_reason(error)}")
+    return BrokenPluginError(f"{who}: broke down: {reason(error)}")
 
 
 @contextlib.contextmanager
@@ -235,7 +235,7 @@ def _built_in(package: str, attribute: str) -> Iterator[Any]:
             yield getattr(module, attribute)
 
 
-def _reason(error: BaseException) -> str:
+def reason(error: BaseException) -> str:
     """Return an error in one line, with the place that it comes from."""
     import traceback  # slow to import
 
@@ -289,7 +289,7 @@ def entries(group: str | None = None) -> list[EntryPoint]:
     try:
         found = [e for e in _every_entry() if group in (None, e.group)]
     except Exception as error:  # noqa: BLE001 -- metadata that somebody else has damaged
-        warn(f"no plugins: the metadata of an installed package is damaged: {_reason(error)}")
+        warn(f"no plugins: the metadata of an installed package is damaged: {reason(error)}")
         return []
     return sorted(found, key=lambda e: (e.group, e.name, origin_of(e).distribution))
 
@@ -372,7 +372,7 @@ def blamed(error: BaseException) -> str | None:
     for entry in entries():
         top = str(entry.value).partition(":")[0].partition(".")[0].strip()
         if top not in _OURS and files & set(_sources(top)):
-            return f"plugin {origin_of(entry).distribution}: broke down: {_reason(error)}"
+            return f"plugin {origin_of(entry).distribution}: broke down: {reason(error)}"
     return None
 
 

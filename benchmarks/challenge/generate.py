@@ -4,7 +4,8 @@
 
 CAMPAIGNS gets a folder for each, with campaign.toml and its curves: all that a program may see.
 TRUTH gets a JSON document for each. The same seeds give the same campaigns (to the last digits that
-the processor rounds); a folder that is there already is left alone.
+the processor rounds); a campaign that is there already is left alone, and one that was cut short is
+written anew.
 """
 
 from __future__ import annotations
@@ -39,8 +40,12 @@ def entries() -> list[tuple[str, str, int]]:
 
 
 def write_campaign(folder: Path, made: Made) -> None:
-    """Write what a program may see; the file names tell nothing of the truth."""
-    folder.mkdir(parents=True)
+    """Write what a program may see; the file names tell nothing of the truth.
+
+    A folder with `campaign.toml` is a whole campaign: that file is the last, and takes its name
+    when all of it is there.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
     campaign = made.campaign
     head: dict[str, Any] = {"title": folder.name}
     if campaign.noise_um is not None:
@@ -59,7 +64,9 @@ def write_campaign(folder: Path, made: Made) -> None:
             }
         )  # fmt: skip
     text = tomli_w.dumps({"campaign": head, "curve": rows})
-    (folder / "campaign.toml").write_text(text)
+    partial = folder / ".campaign.toml.partial"
+    partial.write_text(text)
+    partial.replace(folder / "campaign.toml")
 
 
 def truth_document(name: str, part: str, truth: Truth) -> dict[str, Any]:
@@ -82,10 +89,15 @@ def main() -> None:
     arguments = parser.parse_args()
     if arguments.campaigns.resolve() == arguments.truth.resolve():
         parser.error("the truth has to be apart from the campaigns")
+    every = entries()
+    if not 0 <= arguments.first < len(every):
+        parser.error(f"--first {arguments.first}: expected 0 to {len(every) - 1}")
+    if arguments.count < 1:
+        parser.error(f"--count {arguments.count}: expected 1 or more")
     arguments.truth.mkdir(parents=True, exist_ok=True)
-    for name, part, number in entries()[arguments.first : arguments.first + arguments.count]:
+    for name, part, number in every[arguments.first : arguments.first + arguments.count]:
         folder = arguments.campaigns / name
-        if folder.exists():
+        if (folder / "campaign.toml").exists():
             continue
         truth, made = make(part, SEED, number)
         document = truth_document(name, part, truth)

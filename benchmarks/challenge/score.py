@@ -6,13 +6,15 @@ ANSWERS holds a document for each campaign that the program looked at, NAME.json
 ("none", "named", "ambiguous", "unknown" or "learned"), `effects` (a list of explanations, each a
 list of effects), for "learned" `learned.family`, and, if it was measured, `cpu_seconds`: what
 `skinlab discrepancy --json` prints. Campaigns without an answer are counted as such and not scored;
-a file that cannot be read is no answer. Answers that belong to no campaign are named.
+a file that cannot be read, or is not such a document, is no answer, and is named. So are answers
+that belong to no campaign.
 """
 
 from __future__ import annotations
 
 import argparse
 import json
+import math
 import sys
 from collections.abc import Iterable, Mapping
 from pathlib import Path
@@ -43,10 +45,20 @@ def check(name: str, answer: Document) -> None:
     if answer.get("verdict") not in VERDICTS:
         raise ValueError(f"{name}: verdict {answer.get('verdict')!r}: expected one of {VERDICTS}")
     effects = answer.get("effects")
-    if not isinstance(effects, list) or not all(isinstance(e, list) for e in effects):
+    if not isinstance(effects, list) or not all(map(_are_names, effects)):
         raise ValueError(f"{name}: effects: expected a list of explanations, each a list of names")
     if answer["verdict"] == "named" and len(effects) != 1:
         raise ValueError(f"{name}: named: expected one explanation, got {len(effects)}")
+    learned = answer.get("learned") or {}
+    if not isinstance(learned, dict) or not isinstance(learned.get("family", ""), str | None):
+        raise ValueError(f"{name}: learned {learned!r}: expected an object with a family's name")
+    seconds = answer.get("cpu_seconds", 0.0)
+    if not isinstance(seconds, int | float) or not 0.0 <= seconds < math.inf:
+        raise ValueError(f"{name}: cpu_seconds {seconds!r}: expected a number of seconds")
+
+
+def _are_names(explanation: object) -> bool:
+    return isinstance(explanation, list) and all(isinstance(e, str) for e in explanation)
 
 
 def _named(answer: Document) -> bool:
@@ -102,18 +114,23 @@ def read(folder: Path) -> dict[str, Document]:
 
 
 def read_answers(folder: Path) -> tuple[dict[str, Document], list[str]]:
-    """Return the documents of a folder by their names, and of each that cannot be read why."""
+    """Return the documents of a folder by their names, and of each that is no answer why."""
     found, lost = {}, []
     for file in sorted(folder.glob("*.json")):
         try:
             answer = json.loads(file.read_text(encoding="utf-8"))
-        except (OSError, ValueError) as error:
+        except (OSError, ValueError, RecursionError) as error:
             lost.append(f"{file.name} cannot be read, and counts as no answer: {error}")
             continue
-        if isinstance(answer, dict):
-            found[file.stem] = answer
-        else:
+        if not isinstance(answer, dict):
             lost.append(f"{file.name} holds no JSON object, and counts as no answer")
+            continue
+        try:
+            check(file.stem, answer)
+        except ValueError as error:
+            lost.append(f"{error}; it counts as no answer")
+        else:
+            found[file.stem] = answer
     return found, lost
 
 
@@ -136,18 +153,17 @@ def main() -> None:
     parser.add_argument("answers", type=Path)
     parser.add_argument("--save", type=Path)
     arguments = parser.parse_args()
+    for folder in (arguments.truth, arguments.answers):
+        if not folder.is_dir():
+            parser.error(f"{folder}: no such folder")
     truths = read(arguments.truth)
+    if not truths or any("part" not in truth for truth in truths.values()):
+        parser.error(f"{arguments.truth}: expected the truth that generate.py wrote")
     answers, said = read_answers(arguments.answers)
     if others := [name for name in answers if name not in truths]:
         said.append(f"answers without a truth, not scored: {', '.join(others)}")
     for sentence in said:
         print(f"{parser.prog}: {sentence}", file=sys.stderr)
-    try:
-        for name in truths:
-            if name in answers:
-                check(name, answers[name])
-    except ValueError as error:
-        parser.error(str(error))
     found = scores(truths, answers)
     show(found)
     if arguments.save is not None:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from skinlab.cli.law_options import LawCommand, law_values
-from skinlab.cli.options import database_option, kappa_option, was_said
+from skinlab.cli.options import data_on_stdout, database_option, kappa_option, was_said
 from skinlab.cli.output import echo, echo_text
 
 if TYPE_CHECKING:
@@ -70,6 +70,7 @@ def command(
     from skinlab.errors import InputError
     from skinlab.io.files import write_file
 
+    data_on_stdout()
     if csv_path is not None and csv_path.is_file() and not force:
         raise InputError(f"{csv_path}: exists already; --force replaces it")
     if database_path is not None and direct:

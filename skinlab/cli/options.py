@@ -148,12 +148,20 @@ def database_option(default: str = "the shipped one") -> Callable[[F], F]:
     )
 
 
+def data_on_stdout() -> None:
+    """Keep standard output for the data of the command that runs, until it ends.
+
+    What others print meanwhile, as a plugin may, goes to standard error.
+    """
+    click.get_current_context().with_resource(output_kept())
+
+
 def json_option() -> Callable[[F], F]:
     """`--json`."""
 
     def keep(ctx: click.Context, parameter: click.Parameter, as_json: bool) -> bool:
         if as_json:
-            ctx.with_resource(output_kept())
+            data_on_stdout()
         return as_json
 
     return click.option(

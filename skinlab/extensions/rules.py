@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import sys
-import traceback
 from collections.abc import Callable
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any, Generic, TypeVar
 
-from skinlab.plugins import Named, Registry
+from skinlab.plugins import Named, Registry, reason
 
 T = TypeVar("T", bound=Named)
 
@@ -70,6 +68,5 @@ def broken(rule: Rule[T], extension: T) -> str | None:
     except BrokenRuleError as error:
         return str(error)
     except Exception as error:  # noqa: BLE001 -- whatever an extension raises
-        frame = traceback.extract_tb(error.__traceback__)[-1]
-        return f"{type(error).__name__}: {error} ({Path(frame.filename).name} line {frame.lineno})"
+        return reason(error)
     return None

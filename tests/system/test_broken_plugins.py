@@ -335,6 +335,8 @@ BELOW = of("below", lambda n: Terms(variance_mm2=np.full(n, -1.0)))
 BEYOND = of("beyond", lambda n: Terms(variance_mm2=np.full(n, 1e300)))
 LOST = of("lost", lambda n: None)
 WHY = of("why", lambda n: Terms(), why=7)
+STATED = of("stated", lambda n: Terms(), stated={{"k": "text"}})
+SIZE_UM = of("size_um", lambda n: Terms(), size_um=lambda values: float("nan"))
 GONE = Gate("gone", lambda view: sys.exit(3), meaning="m", threshold="t")
 SILENT = Gate("silent", lambda view: Finding("silent", None, "a"), meaning="m", threshold="t")
 NO_CHECK = Gate("no_check", None, meaning="m", threshold="t")
@@ -359,6 +361,10 @@ LATER = {
     "error model 'lost': broke down, and is left out: TypeError: terms returned a NoneType; exp"
     "ected Terms",
     "error model 'why': broke down, and is left out: TypeError: its why is 7; expected a text",
+    "error model 'stated': broke down, and is left out: TypeError: its k is 'text'; expected a nu"
+    "mber",
+    "error model 'size_um': broke down, and is left out: TypeError: size_um is nan; expected a fi"
+    "nite number",
     "gate 'gone': broke down, and judges nothing: SystemExit: 3",
     "gate 'silent': broke down, and judges nothing: TypeError: its sentence is None; expected a t"
     "ext",
@@ -368,7 +374,7 @@ LATER = {
 def test_what_cannot_work_is_left_out_and_takes_no_command_with_it(tmp_path):
     later = {
         "laws": ["ours"],
-        "error_models": ["below", "beyond", "leaves", "lost", "why"],
+        "error_models": ["below", "beyond", "leaves", "lost", "size_um", "stated", "why"],
         "gates": ["gone", "silent"],
     }
     points: dict[str, dict[str, str]] = {}

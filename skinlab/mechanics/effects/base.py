@@ -8,6 +8,7 @@ own file asks which effect it is.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from numbers import Real
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
@@ -115,7 +116,7 @@ def check_effect(one: object) -> None:
     """Check that an extension is an effect.
 
     Raises:
-        TypeError: it is not.
+        TypeError, ValueError: it is not.
     """
     needs(one, "meaning", "formula", "parameters", "source", "physical")
     if not isinstance(one, Effect):
@@ -128,8 +129,33 @@ def check_effect(one: object) -> None:
             raise TypeError(f"its {name} is {getattr(one, name)!r}; expected True or False")
     if not isinstance(one.order, int):
         raise TypeError(f"its order is {one.order!r}; expected an int")
-    if not isinstance(one.tried, Mapping):
-        raise TypeError(f"its tried is a {type(one.tried).__name__}; expected a mapping")
     check_declared(one.parameters)
+    for p in one.parameters:  # it is searched between its bounds; a law says where to search
+        if p.spacing == "log" and not p.low > 0.0:
+            raise ValueError(f"its parameter {p.name}: low is {p.low:g}; log needs more than 0")
+    _check_tried(one)
     if not any(p.zero is not None for p in one.parameters):
         raise TypeError("none of its parameters has a zero; expected one, the effect's size")
+
+
+def _check_tried(one: Effect) -> None:
+    """Check the values at which an effect is screened.
+
+    Raises:
+        TypeError, ValueError: they are none, or are not of its parameters.
+    """
+    tried: object = one.tried
+    if not isinstance(tried, Mapping):
+        raise TypeError(f"its tried is a {type(tried).__name__}; expected a mapping")
+    known = {p.name: p for p in one.parameters}
+    for name, values in tried.items():
+        if name not in known:
+            raise ValueError(f"its tried has {name!r}; expected one of: {', '.join(known)}")
+        p = known[name]
+        if not isinstance(values, tuple | list) or not values:
+            raise TypeError(f"its tried of {name} is {values!r}; expected numbers")
+        for value in values:
+            if not isinstance(value, Real) or not p.low <= float(value) <= p.high:
+                raise ValueError(
+                    f"its tried of {name} has {value!r}; expected {p.low:g} to {p.high:g}"
+                )

@@ -13,6 +13,8 @@ import pytest
 
 from skinlab.cli.main import _COMMANDS, cli, run
 from skinlab.inference.methods import method_names
+from skinlab.mechanics.effects import EFFECTS
+from skinlab.mechanics.effects.base import Effect, Parameter
 
 ROOT = Path(__file__).parents[3]
 CSV = "time_s,pressure_mbar,deflection_mm\n"
@@ -49,6 +51,25 @@ def test_forward_prints_a_curve_that_identify_reads(capsys, tmp_path):
     assert (status, err) == (0, "")
     (entry,) = json.loads(out)["curves"]
     assert entry["parameters"]["X1_MPa"]["value"] == pytest.approx(0.03, rel=0.01)
+
+
+def test_what_an_effect_prints_is_no_line_of_a_simulated_curve(capsys, tmp_path):
+    class Loud(Effect):
+        name = meaning = formula = source = "loud"
+        physical = False
+        parameters = (Parameter("size_um", "µm", "a size", 0.0, 9.0, 0.0, 1.0, "s"),)
+
+        def read(self, since_s, deflection_mm, values):
+            print("found")  # noqa: T201 -- as a plugin may
+            return deflection_mm
+
+    model = tmp_path / "m.toml"
+    model.write_text('[model]\nname = "m"\n[effects.loud.size_um]\nvalue = 1.0\n')
+    plain = call(capsys, *FORWARD, *RAMP)
+    with EFFECTS.lent(Loud()):
+        status, out, err = call(capsys, *FORWARD, *RAMP, "--model", model)
+    assert (status, out) == plain[:2]
+    assert set(err.splitlines()) == {"found"}
 
 
 def test_a_simulated_curve_replaces_a_file_only_by_force(capsys, curve_csv):

@@ -53,6 +53,49 @@ def test_a_campaign_can_be_read_and_does_not_tell_its_truth(tmp_path):
     assert "life" not in written
 
 
+def test_a_campaign_that_was_cut_short_is_written_anew(tmp_path, monkeypatch):
+    """Killed amid its curves it had stayed half for good: its folder was there."""
+    found = make("life_none", 5, 4)
+    made = found[1]
+    asked = []
+    monkeypatch.setattr(generate, "make", lambda *said: asked.append(said) or found)
+    monkeypatch.setattr(
+        "sys.argv", ["generate", str(tmp_path / "c"), str(tmp_path / "t"), "--count", "1"]
+    )
+
+    def die(document):
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as killed:
+        killed.setattr(generate.tomli_w, "dumps", die)
+        with pytest.raises(KeyboardInterrupt):
+            generate.main()
+    assert not (tmp_path / "c" / "c000" / "campaign.toml").exists()
+    generate.main()
+    assert len(read_campaign(tmp_path / "c" / "c000" / "campaign.toml").curves) == len(
+        made.campaign.curves
+    )
+    assert not list(tmp_path.rglob("*.partial"))
+    generate.main()
+    assert len(asked) == 2
+
+
+@pytest.mark.parametrize(
+    ("said", "why"),
+    [
+        (["--first", "-1"], "--first -1: expected 0 to 199"),
+        (["--first", "500"], "--first 500: expected 0 to 199"),
+        (["--count", "0"], "--count 0: expected 1 or more"),
+    ],
+)
+def test_campaigns_that_there_are_not_are_refused(tmp_path, monkeypatch, capsys, said, why):
+    monkeypatch.setattr("sys.argv", ["generate", str(tmp_path / "c"), str(tmp_path / "t"), *said])
+    with pytest.raises(SystemExit):
+        generate.main()
+    assert why in capsys.readouterr().err
+    assert not list(tmp_path.iterdir())
+
+
 def test_effects_that_cannot_be_together_are_drawn_again():
     """Two creeps whose shares add up to more than all of the stress ended the generator."""
     part, seed, number = "life_double", 4242, 6
@@ -194,6 +237,11 @@ def test_scores_count_what_was_said():
         {"verdict": "named", "effects": []},
         {"verdict": "none", "effects": "tape_slip"},
         {"verdict": "none"},
+        {"verdict": "none", "effects": [], "cpu_seconds": "3"},
+        {"verdict": "none", "effects": [], "cpu_seconds": float("nan")},
+        {"verdict": "ambiguous", "effects": [[1, "a"], ["b"]]},
+        {"verdict": "learned", "effects": [], "learned": "history"},
+        {"verdict": "learned", "effects": [], "learned": {"family": ["time"]}},
     ],
     ids=json.dumps,
 )
@@ -212,7 +260,8 @@ def test_what_cannot_be_read_is_no_answer_and_what_has_no_truth_is_named(
     for name in ("c1", "c2", "c3", "c4"):
         (truth / f"{name}.json").write_text(json.dumps(_truth("life_none")))
     told = json.dumps({"verdict": "none", "effects": []})
-    written = {"c1": told, "c2": "", "c3": "[]", "x9": told}
+    odd = json.dumps({"verdict": "named", "effects": [[1, "a"]]})
+    written = {"c1": told, "c2": "", "c3": "[]", "c4": odd, "x9": told}
     for name, text in written.items():
         (answers / f"{name}.json").write_text(text)
     monkeypatch.setattr("sys.argv", ["score", str(truth), str(answers), "--save", str(saved)])
@@ -222,7 +271,28 @@ def test_what_cannot_be_read_is_no_answer_and_what_has_no_truth_is_named(
     errors = capsys.readouterr().err
     assert "c2.json cannot be read, and counts as no answer" in errors
     assert "c3.json holds no JSON object" in errors
+    assert "c4: effects: expected a list of explanations" in errors
     assert "answers without a truth, not scored: x9" in errors
+
+
+def test_a_folder_that_holds_no_truth_is_refused(tmp_path, monkeypatch, capsys):
+    """It had answered 0 of 0."""
+    answers, empty = tmp_path / "answers", tmp_path / "empty"
+    answers.mkdir()
+    empty.mkdir()
+    (answers / "c1.json").write_text(json.dumps({"verdict": "none", "effects": []}))
+    gone = tmp_path / "gone"
+    expected = "expected the truth that generate.py wrote"
+    for one, other, why in (
+        (gone, answers, f"{gone}: no such folder"),
+        (answers, gone, f"{gone}: no such folder"),
+        (empty, answers, f"{empty}: {expected}"),
+        (answers, empty, f"{answers}: {expected}"),
+    ):
+        monkeypatch.setattr("sys.argv", ["score", str(one), str(other)])
+        with pytest.raises(SystemExit):
+            score.main()
+        assert why in capsys.readouterr().err
 
 
 def test_the_model_as_it_is_is_fitted_to_its_optimum_by_the_errors_that_it_ends_with(table):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -10,6 +11,7 @@ import pytest
 from skinlab.extensions.effects import it_says_what_it_is
 from skinlab.extensions.laws import derivatives_are_the_energys
 from skinlab.extensions.rules import BrokenRuleError
+from skinlab.mechanics.effects import EFFECTS
 from skinlab.mechanics.effects.base import Effect
 from skinlab.mechanics.materials.base import Law, potential_of_j1
 from skinlab.parameters import Nodes, Parameter, Search
@@ -88,3 +90,33 @@ def test_a_parameters_name_ends_with_its_unit_in_words(name, unit):
     Of.parameters = (Parameter("size", unit, "a size", 0.0, 1.0, 0.0, 0.5, "an example"),)
     with pytest.raises(BrokenRuleError, match="does not end with its unit"):
         it_says_what_it_is(Of())
+
+
+SIZE = Parameter("size_um", "µm", "a size", 0.0, 9.0, 0.0, 1.0, "an example")
+
+
+@pytest.mark.parametrize(
+    ("declared", "says"),
+    [
+        ({"low": -math.inf}, "size_um: low is -inf; expected a finite number"),
+        ({"high": math.inf}, "size_um: high is inf; expected a finite number"),
+        ({"typical": math.nan}, "size_um: typical is nan; expected a finite number"),
+        ({"spacing": "log"}, "size_um: low is 0; log needs more than 0"),
+        ({"tried": {"speed_um": (1.0,)}}, "its tried has 'speed_um'; expected one of: size_um"),
+        ({"tried": {"size_um": ("a",)}}, "its tried of size_um has 'a'; expected 0 to 9"),
+        ({"tried": {"size_um": (1.0, 10.0)}}, "its tried of size_um has 10.0; expected 0 to 9"),
+        ({"tried": {"size_um": 1.0}}, "its tried of size_um is 1.0; expected numbers"),
+    ],
+)
+def test_an_effect_that_no_search_can_go_through_is_refused(declared, says):
+    class Of(Effect):
+        name = meaning = formula = source = "an_effect"
+        physical = False
+        parameters = (SIZE,)
+
+    with EFFECTS.lent(Of()) as one:
+        assert one.parameters == (SIZE,)
+    Of.tried = declared.pop("tried", {})
+    Of.parameters = (replace(SIZE, **declared),)
+    with pytest.raises((TypeError, ValueError), match=says), EFFECTS.lent(Of()):
+        pass
