@@ -4,9 +4,7 @@ Beginning with what is always there, each model is tried beside the best combina
 best is kept, until none gains. All combinations that were tried stay, with their evidence and their
 odds: intervals average over the doubt. Within a combination the parameters are integrated out: the
 marginal likelihood is explored from its mode by a Student distribution as wide as its curvature,
-and by the prior (a defensive mixture: Hesterberg 1995, Technometrics 37:185). Where a noise is
-stated there are two such distributions: if the statement holds, and if it does not
-(docs/decisions/0173-a-statement-has-two-modes.md).
+and by the prior (a defensive mixture: Hesterberg 1995, Technometrics 37:185).
 """
 
 from __future__ import annotations
@@ -23,13 +21,7 @@ from skinlab.inference.covariance import Covariance
 from skinlab.inference.error_combination import Combination
 from skinlab.inference.error_models import ERROR_MODELS, part_of
 from skinlab.inference.error_models.base import ErrorModel, Look, Part
-from skinlab.inference.error_quadrature import (
-    FAR,
-    find_mode,
-    log_student,
-    normal_points,
-    student_points,
-)
+from skinlab.inference.error_quadrature import find_mode, log_student, normal_points, student_points
 from skinlab.inference.likelihood import LinearModel
 from skinlab.inference.noise import roughness
 from skinlab.inference.settings import CHOICE, JUDGEMENT, KINDS, NOISE, POSTERIOR
@@ -274,25 +266,15 @@ def _again(one: _Explored, linear: LinearModel) -> _Explored:
     """
     values = np.array([node.log_values for node in one.nodes])
     log_weight = np.array([node.log_prior + node.log_marginal for node in one.nodes])
-    own = [log_weight + one.combination.log_probability(values, p.holds) for p in one.peaks]
-    counts = _allot(CHOICE.most_nodes, [float(np.logaddexp.reduce(each)) for each in own])
-    found = [
-        _weighed(values, each, peak, count)
-        for each, peak, count in zip(own, one.peaks, counts, strict=True)
-        if count
-    ]
-    return _integrated(one, *_mixed(found), linear)
-
-
-def _weighed(values: Array, log_weight: Array, peak: _Peak, count: int) -> _Component:
-    """Return `count` points about where the nodes at logarithms (n, d) have their weight (n,)."""
     weight = np.exp(log_weight - np.logaddexp.reduce(log_weight))
     mean = weight @ values
     counts = 1.0 / float(np.square(weight).sum())
     spread = (values - mean).T @ ((values - mean) * weight[:, None])
     more = CHOICE.as_mode
-    spread = (counts * spread + more * peak.root @ peak.root.T) / (counts + more)
-    return _student(mean, CHOICE.wider * np.linalg.cholesky(spread), count)
+    spread = (counts * spread + more * one.root @ one.root.T) / (counts + more)
+    wide = CHOICE.wider * np.linalg.cholesky(spread)
+    points = mean + student_points(CHOICE.most_nodes, len(mean)) @ wide.T
+    return _integrated(one, points, log_student(points - mean, wide), linear)
 
 
 def _collect(tried: Sequence[_Explored], best: _Explored) -> ErrorChoice:
@@ -308,34 +290,15 @@ def _collect(tried: Sequence[_Explored], best: _Explored) -> ErrorChoice:
 
 
 @dataclass(frozen=True, eq=False)
-class _Peak:
-    """Where the errors' parameters are, roughly, if a statement holds, or if it does not."""
+class _Explored:
+    """A combination at its mode, its nodes, and its evidence with the odds."""
 
-    holds: bool | None  # one of `Combination.hypotheses`
+    combination: Combination
     log_mode: Array
     root: Array  # (d, d) of the covariance of the parameters' logarithms there, and
     here: float  # the log density
-
-    @property
-    def log_evidence(self) -> float:
-        """Laplace's, without the odds."""
-        roughly = self.here + 0.5 * len(self.log_mode) * math.log(2.0 * math.pi)
-        return roughly + float(np.linalg.slogdet(self.root)[1])
-
-
-@dataclass(frozen=True, eq=False)
-class _Explored:
-    """A combination at its mode, and at one for each hypothesis, its nodes, and its evidence."""
-
-    combination: Combination
-    at_mode: _Peak
-    peaks: tuple[_Peak, ...]
     nodes: tuple[Node, ...]
-    log_evidence: float  # with the odds
-
-    @property
-    def log_mode(self) -> Array:
-        return self.at_mode.log_mode
+    log_evidence: float
 
     @property
     def mode(self) -> dict[str, float]:
@@ -344,14 +307,6 @@ class _Explored:
     @property
     def mode_covariance(self) -> Covariance:
         return self.combination.covariance(self.log_mode)
-
-
-@dataclass(frozen=True, eq=False)
-class _Component:
-    """Points (n, d) of a distribution, and its log density with a log factor before it."""
-
-    points: Array
-    log_density: Callable[[float, Array], Array]
 
 
 def _starts(look: Look, linear: LinearModel) -> dict[str, float]:
@@ -398,40 +353,15 @@ def _explore(
         begun = max(begun, other, key=lambda e: e.log_evidence)
     if not combination.is_mixture and begun.log_evidence < rival - CHOICE.hopeless:
         return begun
-    if combination.hypotheses != (None,):
-        search = any(lasting)  # what lasts briefly trades for white noise: far from the mode
-        peaks = [_if_stated(begun, linear, holds, search) for holds in combination.hypotheses]
-        begun = replace(begun, peaks=tuple(peaks))
-    return _integrated(begun, *_draws(combination, begun.peaks), linear)
+    return _integrated(begun, *_draws(combination, begun.log_mode, begun.root), linear)
 
 
 def _at_mode(combination: Combination, linear: LinearModel, start: Array) -> _Explored:
     """Return the combination at its mode, without nodes, and Laplace's evidence."""
-    peak = _Peak(None, *find_mode(_density(combination, linear), start, combination.scales))
-    roughly = peak.log_evidence
+    mode, root, here = find_mode(_density(combination, linear), start, combination.scales)
+    roughly = here + 0.5 * len(mode) * math.log(2.0 * math.pi) + float(np.linalg.slogdet(root)[1])
     roughly += combination.log_odds + float(combination.bound.sum())
-    return _Explored(combination, peak, (peak,), (), roughly)
-
-
-def _if_stated(one: _Explored, linear: LinearModel, holds: bool | None, search: bool) -> _Peak:
-    """Return the mode if a statement holds, or if it does not, of a combination at its mode.
-
-    By the curvature there, in which the prior's is exchanged: one step. If the mode is where the
-    other hypothesis is true, with a search from there if so asked.
-    """
-    combination, mode, root = one.combination, one.log_mode, one.at_mode.root
-    slope, curvature = combination.slopes_of_prior(mode)
-    own_slope, own_curvature = combination.slopes_of_prior(mode, holds)
-    inverse = np.linalg.inv(root)
-    values, vectors = np.linalg.eigh(inverse.T @ inverse + np.diag(curvature - own_curvature))
-    root = vectors / np.sqrt(np.maximum(values, CHOICE.least_curvature))
-    step = root @ (root.T @ (own_slope - slope))
-    step *= min(1.0, FAR / max(float(np.abs(step).max()), 1e-12))
-    there = mode + step
-    density = _density(combination, linear, holds)
-    if search and float(combination.log_probability(mode[None], holds)[0]) < math.log(0.5):
-        return _Peak(holds, *find_mode(density, there, combination.scales))
-    return _Peak(holds, there, root, float(density(there[None])[0]))
+    return _Explored(combination, mode, root, here, (), roughly)
 
 
 def _integrated(one: _Explored, values: Array, log_drawn: Array, linear: LinearModel) -> _Explored:
@@ -453,61 +383,31 @@ def _integrated(one: _Explored, values: Array, log_drawn: Array, linear: LinearM
     return replace(one, nodes=nodes, log_evidence=evidence)
 
 
-def _density(
-    combination: Combination, linear: LinearModel, holds: bool | None = None
-) -> Callable[[Array], Array]:
+def _density(combination: Combination, linear: LinearModel) -> Callable[[Array], Array]:
     """Return the log density (n,) of logarithms (n, d) of the errors' parameters."""
 
     def density(log_values: Array) -> Array:
         found = linear.log_marginals(combination.covariances(log_values, spread=False))
-        return np.asarray(found + combination.log_priors(log_values, holds))
+        return np.asarray(found + combination.log_priors(log_values))
 
     return density
 
 
-def _draws(combination: Combination, peaks: Sequence[_Peak]) -> tuple[Array, Array]:
+def _draws(combination: Combination, mode: Array, root: Array) -> tuple[Array, Array]:
     """Return logarithms (n, d) to integrate over, and the log density (n,) that they are from."""
-    d = len(peaks[0].log_mode)
+    d = len(mode)
     if not d:
         return np.zeros((1, 0)), np.zeros(1)
-    counts = _allot(CHOICE.nodes.get(d, CHOICE.most_nodes), [p.log_evidence for p in peaks])
-    each = [_about(combination, p, n) for p, n in zip(peaks, counts, strict=True) if n]
-    return _mixed([component for found in each for component in found])
-
-
-def _allot(count: int, log_evidence: Sequence[float]) -> list[int]:
-    """Return how many of the nodes each mode has: by its evidence, none if it is hopeless."""
-    best = max(log_evidence)
-    share = [
-        max(math.exp(e - best), CHOICE.least_share) if e > best - CHOICE.hopeless else 0.0
-        for e in log_evidence
-    ]
-    ends = np.rint(count * np.cumsum(share) / sum(share)).astype(int)
-    return [int(n) for n in np.diff(ends, prepend=0)]
-
-
-def _mixed(components: Sequence[_Component]) -> tuple[Array, Array]:
-    """Return all points (n, d), and the log density (n,) of the mixture that they are from."""
-    values = np.vstack([component.points for component in components])
-    shares = [math.log(len(component.points) / len(values)) for component in components]
-    each = [c.log_density(share, values) for c, share in zip(components, shares, strict=True)]
-    return values, np.asarray(np.logaddexp.reduce(each))
-
-
-def _about(combination: Combination, peak: _Peak, count: int) -> list[_Component]:
-    """Return `count` points about a mode, some of them from the prior."""
-    mode, d = peak.log_mode, len(peak.log_mode)
     each = [p for part in combination.parts for p in part.parameters]
-    median = np.log([p.median for p in each])
-    wrong = [p.outlying > 0.0 and peak.holds is False for p in each]
-    sd = np.where(wrong, [p.outlying_sd for p in each], [p.log_sd for p in each])
+    median, sd = np.log([p.median for p in each]), np.array([p.log_sd for p in each])
+    count = CHOICE.nodes.get(d, CHOICE.most_nodes)
     first = round((1.0 - CHOICE.from_prior) * count) if d > 1 else count
-    wide = CHOICE.wider * peak.root
-    found = [_student(mode, wide, first)]
+    wide = CHOICE.wider * root
+    values = mode + student_points(first, d) @ wide.T
     if first == count:
-        return found
+        return values, log_student(values - mode, wide)
     # As wide as the prior, except where the mode is narrow: of white noise all is known.
-    sure = np.sqrt(np.square(peak.root).sum(axis=1)) < 0.3 * sd
+    sure = np.sqrt(np.square(root).sum(axis=1)) < 0.3 * sd
     own = 1.5 * np.sqrt(np.square(wide).sum(axis=1))
     far = [(np.where(sure, mode, median), np.where(sure, own, sd))]
     # And where there is hardly any of what may be absent: from afar no mode leads there.
@@ -519,24 +419,13 @@ def _about(combination: Combination, peak: _Peak, count: int) -> list[_Component
     shares = np.array_split(np.arange(count - first), len(far))
     points = normal_points(count - first, d)
     for part, (middle, width) in zip(shares, far, strict=True):
-        if len(part):
-            found.append(_normal(middle, width, points[part]))
-    return found
-
-
-def _student(middle: Array, wide: Array, count: int) -> _Component:
-    points = middle + student_points(count, len(middle)) @ wide.T
-    return _Component(points, lambda log_share, at: log_share + log_student(at - middle, wide))
-
-
-def _normal(middle: Array, width: Array, points: Array) -> _Component:
-    norm = np.log(width * math.sqrt(2.0 * math.pi)).sum()
-
-    def log_density(log_share: float, at: Array) -> Array:
-        off = (at - middle) / width
-        return np.asarray(log_share - 0.5 * np.square(off).sum(axis=1) - norm)
-
-    return _Component(middle + width * points, log_density)
+        values = np.vstack([values, middle + width * points[part]])
+    each_log = [math.log(first / count) + log_student(values - mode, wide)]
+    for part, (middle, width) in zip(shares, far, strict=True):
+        off = (values - middle) / width
+        norm = np.log(width * math.sqrt(2.0 * math.pi)).sum()
+        each_log.append(math.log(len(part) / count) - 0.5 * np.square(off).sum(axis=1) - norm)
+    return values, np.logaddexp.reduce(each_log)
 
 
 def _scale_mixture(

@@ -87,41 +87,13 @@ class Combination:
         parts = tuple(part for part in self.parts if part.name != "quantised")
         return replace(self, parts=parts) if len(parts) < len(self.parts) else None
 
-    @cached_property
-    def hypotheses(self) -> tuple[bool | None, ...]:
-        """That what was stated of a parameter holds, and that it does not; None: nothing was."""
-        each = [p for part in self.parts for p in part.parameters]
-        return (True, False) if any(p.outlying for p in each) else (None,)
-
-    def log_priors(self, log_values: Array, holds: bool | None = None) -> Array:
-        """Return the log prior densities (n,) of the parameters' logarithms (n, d).
-
-        Of one of the `hypotheses` the part, if that is asked for.
-        """
+    def log_priors(self, log_values: Array) -> Array:
+        """Return the log prior densities (n,) of the parameters' logarithms (n, d)."""
         each = [p for part in self.parts for p in part.parameters]
         found = np.zeros(len(log_values))
         for parameter, values in zip(each, log_values.T, strict=True):
-            found += parameter.log_prior(values, holds)
+            found += parameter.log_prior(values)
         return found
-
-    def slopes_of_prior(self, log_values: Array, holds: bool | None = None) -> tuple[Array, Array]:
-        """Return slopes and curvatures (d,) of the log prior at logarithms (d,), where stated.
-
-        Of parameters of which nothing was stated zeros: hypotheses do not differ in these.
-        """
-        each = [p for part in self.parts for p in part.parameters]
-        found = [
-            p.slopes_of_prior(value, holds) if p.outlying else (0.0, 0.0)
-            for p, value in zip(each, log_values.tolist(), strict=True)
-        ]
-        slopes, curvatures = np.array(found).T
-        return slopes, curvatures
-
-    def log_probability(self, log_values: Array, holds: bool | None) -> Array:
-        """Return the log probability (n,) of one of the `hypotheses` at logarithms (n, d)."""
-        if holds is None:
-            return np.zeros(len(log_values))
-        return self.log_priors(log_values, holds) - self.log_priors(log_values)
 
     def sizes_um(self, log_values: Array) -> dict[str, float]:
         """Return the root mean square over samples of each part's errors, µm, by its name.

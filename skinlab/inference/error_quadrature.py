@@ -16,7 +16,7 @@ Array = NDArray[np.float64]
 
 _STEP = 0.05  # of a logarithm, for derivatives
 _SHORTER = 0.3 ** np.arange(4)  # steps that are tried
-FAR = 1.5  # the longest step in a logarithm
+_FAR = 1.5  # the longest step in a logarithm
 POINTS = Path(__file__).parents[1] / "data" / "sobol.npz"  # tests/unit/inference/test_sobol.py
 
 
@@ -40,7 +40,7 @@ def find_mode(
         curve = np.maximum(np.where(curve > 0, curve, -0.3 * curve), CHOICE.least_curvature)
         values = vectors / np.sqrt(curve)
         step = values @ (values.T @ slope)
-        step *= min(1.0, FAR / max(float(np.abs(step).max()), 1e-12))
+        step *= min(1.0, _FAR / max(float(np.abs(step).max()), 1e-12))
         if float(slope @ step) < CHOICE.settled:
             break
         for shares in (_SHORTER[:1], _SHORTER[1:]):  # the whole one nearly always does

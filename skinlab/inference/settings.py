@@ -216,8 +216,6 @@ class ChoiceRules:
     """Nodes that the curvature at the mode counts as there, beside them."""
     from_prior: float = 0.2
     """Share of the nodes."""
-    least_share: float = 0.2
-    """Of the best mode's nodes, where a statement holds or does not: another mode's, if there."""
     most_models: int = 4
     """Beside those that are always there."""
     negligible: float = 1e-3

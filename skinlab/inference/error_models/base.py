@@ -47,14 +47,9 @@ class Hyperparameter:
     absent: float = 0.0
     scale: float = 1.0
 
-    def log_prior(self, log_value: Array, holds: bool | None = None) -> Array:
-        """Return the log density of logarithms, of any shape.
-
-        Of a statement the part for its being right, or wrong, if that is asked for.
-        """
+    def log_prior(self, log_value: Array) -> Array:
+        """Return the log density of logarithms, of any shape."""
         off = log_value - math.log(self.median)
-        if self.outlying and holds is False:
-            return math.log(self.outlying) + _log_normal(off, self.outlying_sd)
         found = _log_normal(off, self.log_sd)
         if self.log_sd_above is not None:  # two halves that meet
             whole = 0.5 * (self.log_sd + self.log_sd_above)
@@ -66,29 +61,12 @@ class Hyperparameter:
         if math.isfinite(self.reach):
             beyond = np.maximum(np.abs(off) - self.reach, 0.0)
             found = found - 0.5 * (beyond / KINDS.edge) ** 2
-        if self.outlying and holds:
-            found = math.log1p(-self.outlying) + found
-        elif self.outlying:
+        if self.outlying:
             found = _mixed(found, self.outlying, _log_normal(off, self.outlying_sd))
         if self.absent:
             hardly = _log_normal(off + math.log(KINDS.hardly), KINDS.hardly_sd)
             found = _mixed(found, self.absent, hardly)
         return np.asarray(found)
-
-    def slopes_of_prior(self, log_value: float, holds: bool | None = None) -> tuple[float, float]:
-        """Return slope and curvature of the log prior of a statement, or of its being right or not.
-
-        Each half of it is Gaussian: what is left is how the shares of the two change.
-        """
-        off = log_value - math.log(self.median)
-        precisions = self.log_sd**-2.0, self.outlying_sd**-2.0
-        right = float(holds or 0.0)
-        if holds is None:
-            at = np.array([log_value])
-            right = math.exp(float((self.log_prior(at, True) - self.log_prior(at))[0]))
-        mean = right * precisions[0] + (1.0 - right) * precisions[1]
-        apart = right * (1.0 - right) * (off * (precisions[0] - precisions[1])) ** 2
-        return -mean * off, apart - mean
 
 
 def _mixed(log_density: Array, share: float, other: Array) -> Array:

@@ -104,40 +104,6 @@ def test_a_statement_that_is_wrong_is_contradicted_with_both_numbers():
     assert "stated_noise_contradicted" not in right.flags
 
 
-@pytest.mark.parametrize("ratio", [0.5, 0.7, 0.8, 1.0, 1.3, 1.5, 3.0])
-def test_the_evidence_beside_a_statement_is_that_of_a_fine_grid(ratio):
-    """About one mode it was off by 0.3 where the statement may be right or wrong."""
-    for seed in range(4):
-        noise = white(np.random.default_rng([173, seed]), 3.0 * ratio)
-        found = chosen(noise, noise_um=3.0, models=(WHITE,))
-        evidence = np.logaddexp.reduce([n.log_prior + n.log_marginal for n in found.nodes])
-        grid, step = np.linspace(-3.0, 3.0, 601, retstep=True)
-        values = math.log(3.0) + grid[:, None]
-        exact = LinearModel(noise, SLOPES, PRECISION).log_marginals(found.best.covariances(values))
-        exact = np.logaddexp.reduce(exact + found.best.log_priors(values)) + math.log(step)
-        assert evidence == pytest.approx(exact, abs=0.2)
-
-
-@pytest.mark.parametrize("seed", [2, 18, 23])
-def test_beside_a_wrong_statement_no_one_setting_takes_all_weight(seed):
-    """One of 64 fell to where the statement holds, and stood for all of that."""
-    rng = np.random.default_rng([173, seed])
-    found = chosen(white(rng, 1.0) + process(rng, 4.0, 0.4), noise_um=1.0)
-    assert 1.0 / np.square(found.weight).sum() > 30.0
-    assert found.weight.max() < 0.1
-
-
-@pytest.mark.parametrize("value", [-0.4, -0.1, 0.0, 0.05, 0.2, 0.3, 1.0])
-@pytest.mark.parametrize("holds", [None, True, False])
-def test_slopes_of_a_statements_prior_are_its_derivatives(value, holds):
-    stated = Hyperparameter("white_um", 1.0, 0.06, outlying=0.1)
-    step = 1e-4
-    below, here, above = stated.log_prior(value + step * np.array([-1.0, 0.0, 1.0]), holds)
-    slope, curvature = stated.slopes_of_prior(value, holds)
-    assert slope == pytest.approx((above - below) / (2.0 * step), rel=1e-4, abs=1e-4)
-    assert curvature == pytest.approx((above - 2.0 * here + below) / step**2, rel=1e-3, abs=1e-3)
-
-
 def test_slow_errors_contradict_no_statement_that_the_residuals_agree_with():
     """A short curve hardly tells short errors of 3 µm from longer and larger ones."""
     beyond, seen = 0, 0
@@ -148,10 +114,7 @@ def test_slow_errors_contradict_no_statement_that_the_residuals_agree_with():
         residual_um = 1e3 * np.sqrt(np.mean(noise**2))
         beyond += "stated_noise_contradicted" in judge_errors(found, np.sqrt(10)).flags
         seen += "stated_noise_contradicted" in judge_errors(found, np.sqrt(10), residual_um).flags
-    assert seen == 0
-    assert beyond <= 1  # it was 4 of 12 before both hypotheses had settings of their own
-    judged = judge_errors(chosen(white(rng, 6.0), noise_um=3.0), 3.0, residual_um=3.0)
-    assert "stated_noise_contradicted" not in judged.flags
+    assert seen == 0 < beyond
 
 
 @pytest.mark.parametrize("stated_um", [1.0, 3.0])
