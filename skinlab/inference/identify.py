@@ -218,15 +218,6 @@ class Identifier:
                 answer = self._fitted(curves, blank, intervals=intervals, start=start)
         except BrokenPluginError as error:  # the next curve may do without it
             return replace(blank, error=str(error), seconds=self.clock() - started)
-        if (
-            {"crease", "misfit_above_noise"} & set(answer.flags)
-            and answer.uncertainty is not None
-            and len(curves) == 1
-            and _jumps(curves[0], answer)
-        ):
-            # What fits a slip may crease; the skin need not.
-            others = [f for f in answer.flags if f not in ("crease", "misfit_above_noise")]
-            answer = replace(answer, flags=(*others, "misfit_above_noise"))
         return replace(answer, seconds=self.clock() - started)
 
     def _fitted(
@@ -277,9 +268,11 @@ class Identifier:
             if len(curves) > 1:
                 estimate = _likeliest(groups, models, estimate, left, kept)
             answer = self._answer(groups, models, problem, estimate, blank, kept)
-            return _with_uncertainty(
+            known = _with_uncertainty(
                 answer, self._space(models), left, self.database.law, self.kappa, self.seed
             )
+            missed = self._missed(known, groups, models, problem, estimate, kept)
+            return _with_misfit(known, missed) if missed else known
         answer = self._answer(groups, models, problem, estimate, blank, kept)
         if intervals:
             loose = self._not_identifiable(groups, models, problem, estimate)
@@ -311,6 +304,33 @@ class Identifier:
             answer = replace(answer, noise_um=judged.noise_um, error_model=judged.summary)
             answer = replace(answer, flags=(*answer.flags, *judged.flags))
         return answer
+
+    def _missed(
+        self,
+        answer: Identification,
+        groups: Sequence[Group],
+        models: Sequence[CurveModel],
+        problem: Problem,
+        estimate: Estimate,
+        kept: NDArray[np.bool_],
+    ) -> list[str]:
+        """Return the files of curves that the fit misses by more than the answer's errors say.
+
+        Of one curve: by a step, where it is a misfit anyway, or creases. Of several: by a step, or
+        by more than lasts; their errors are of all of them, and one that slipped hides among them.
+        """
+        is_alone = answer.files is None
+        if is_alone and not {"crease", "misfit_above_noise"} & set(answer.flags):
+            return []
+        unit = problem.space.to_unit(estimate.parameters)
+        elsewhere = Elsewhere(self.database, self.kappa)
+        fit = about(groups, models, problem.space, unit, self.sensor, self.priors, elsewhere)
+        members = [member for g in groups for member in g.members]
+        return [
+            member.curve.name
+            for member, left in zip(members, fit.left_of_curves_mm(kept), strict=True)
+            if (not is_alone and misses_noise([left])) or jumps(left)
+        ]
 
     def _not_identifiable(
         self,
@@ -529,10 +549,14 @@ def _residuals(
     return found
 
 
-def _jumps(curve: Curve, answer: Identification) -> bool:
-    """Return whether what the fit leaves of the curve has a step in it."""
-    assert answer.model_mm is not None
-    return jumps((curve.deflection_mm - answer.model_mm)[answer.fitted])
+def _with_misfit(answer: Identification, files: Sequence[str]) -> Identification:
+    """Return the answer as a misfit: of curves together that of some files."""
+    if answer.files is None:  # what fits a slip may crease; the skin need not
+        others = [f for f in answer.flags if f not in ("crease", "misfit_above_noise")]
+        return replace(answer, flags=(*others, "misfit_above_noise"))
+    flags = dict.fromkeys((*answer.flags, "misfit_above_noise"))
+    by_file = {name: ["misfit_above_noise"] for name in files}
+    return replace(answer, flags=tuple(flags), flags_by_file=by_file)
 
 
 def search_space(method: str, law: str, whole: Space) -> Space:

@@ -60,6 +60,8 @@ class Identification:
     outliers: NDArray[np.bool_] | None = None  # (points,) left out, since they do not belong
     # The same of curves together: numbers by file, of those that have any.
     outliers_by_file: dict[str, list[int]] = field(default_factory=dict)
+    # Flags of curves together that are of some of them: by file, of those that have any.
+    flags_by_file: dict[str, list[str]] = field(default_factory=dict)
     # Of the samples' errors, with intervals, or where a noise is stated.
     error_model: ErrorModelSummary | None = None
     placement: PlacementSummary | None = None  # of several curves, where placements may differ
@@ -104,6 +106,7 @@ class Identification:
             "evaluations": self.evaluations,
             "seconds": self.seconds,
             "flags": list(self.flags),
+            **({"flags_by_file": self.flags_by_file} if self.flags_by_file else {}),
             **({"heights": [one.to_json() for one in self.heights]} if self.heights else {}),
         }
 

@@ -204,6 +204,24 @@ class Fitted:
         linear = self._with_placements()
         return outlier_probability(linear, self.samples, step_mm, self.pressure_error_mm)
 
+    def left_of_curves_mm(self, kept: NDArray[np.bool_]) -> list[Array]:
+        """Return what is left of each curve, by its samples (u,) that are kept.
+
+        Of curves together that is without what their placements probably did, and the unknowns
+        with them: each curve by its own spread, so that one that is off sways little.
+        """
+        samples, linear = self.samples.only(kept), self._with_placements()
+        ends = np.cumsum(np.bincount(samples.curve, minlength=self.samples.curves))[:-1]
+        residual, slopes = linear.residual_mm[kept], linear.slopes_mm[kept]
+        parts = np.split(residual, ends)
+        if len(parts) > 1:
+            spread = [max(float(np.sqrt(np.mean(r**2))), NOISE.least_mm) for r in parts]
+            weight = 1.0 / np.repeat(spread, [len(r) for r in parts]) ** 2
+            whole = (slopes.T * weight) @ slopes + linear.precision
+            residual = residual - slopes @ np.linalg.solve(whole, slopes.T @ (weight * residual))
+            parts = np.split(residual, ends)
+        return parts
+
     def _with_placements(self) -> LinearModel:
         """Return the linear model with what placements of curves together are expected to do."""
         linear, samples = self.linear, self.samples

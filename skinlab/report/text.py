@@ -149,6 +149,8 @@ def explain(result: Identification, noise_um: float | None = None) -> list[str]:
             f"The residual is {f'{times} times' if times else 'clearly more than'} {noise}: the "
             "model misses something here, and the intervals mean less."
         )
+        if result.flags_by_file:
+            found.append(f"It is so of {', '.join(inert(name) for name in result.flags_by_file)}.")
     for flag in result.flags:
         kind, _, what = flag.partition(":")
         if kind in _SENTENCES:

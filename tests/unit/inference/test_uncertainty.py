@@ -666,6 +666,27 @@ def test_a_probe_that_slips_is_a_misfit_and_no_crease(table):
         assert "crease" not in flags
 
 
+def test_a_curve_that_slips_among_others_is_named(table):
+    """Errors are learned of all curves together: a slip of 40 µm was lost in those that last."""
+    for seed in range(2):
+        rng, curves = np.random.default_rng(seed), []
+        for number in range(4):
+            setup = Setup(2.0 if number % 2 else 6.0, 1.0, placement="ab"[number // 2])
+            softer, zero = (0.06, 0.004) if number // 2 else (-0.04, -0.005)
+            model = table.model(Geometry(setup.aperture_mm, 1.0), PRESSURE * np.exp(softer))
+            w = model.deflection_mm(SKIN[None])[0] + zero
+            w = w + 3e-3 * rng.standard_normal(len(w))
+            time = np.arange(len(w)) / 20.0
+            curves.append(Curve(f"c{number}", setup, time, PRESSURE, w))
+        assert "misfit_above_noise" not in Identifier(table).joint(curves).flags
+        slip = 0.04 * (np.arange(len(PRESSURE)) > len(PRESSURE) // 2)
+        curves[2] = replace(curves[2], deflection_mm=curves[2].deflection_mm + slip)
+        found = Identifier(table).joint(curves)
+        assert "misfit_above_noise" in found.flags
+        assert found.to_json()["flags_by_file"] == {"c2": ["misfit_above_noise"]}
+        assert "It is so of c2." in describe(found)
+
+
 @pytest.mark.long
 def test_methods_without_intervals_say_what_a_curve_leaves_open(table):
     """`sto`, `hka` and `lm` answered a curve without any change of pressure as if it told all."""
