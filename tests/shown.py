@@ -141,6 +141,8 @@ def outcome():
         repeats_um=2.2,
         shares=Shares(2.0, 0.4, 0.1, 5.8),
         trials=(),
+        doubted=None,
+        not_ruled_out=[],
         best=best,
         gap_before=HeldOut(6.2, 2.0, 2.0, ("curve 2",), 6.2),
         gap_after=HeldOut(2.1, 2.0, 2.0, ("curve 2",), 2.1),
