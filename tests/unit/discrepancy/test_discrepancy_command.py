@@ -108,11 +108,15 @@ def test_the_effect_is_named_adopted_used_and_kept(campaign, tmp_path, capsys, m
     assert "misfit_above_noise" not in joint["flags"]
     # What was learned from these curves does not count again; of others it is known.
     assert "learned_from_these" in joint["flags"]
+    prior = adopted.prior("deflection_offset.offset_um")
+    assert prior.sd == pytest.approx(2.5, abs=0.3)  # of no other site it is known better
+    sure = tmp_path / "sure.toml"
+    sure.write_text(model.read_text().replace(f"sd = {prior.sd!r}", "sd = 0.3"))
     other = tmp_path / "other"
     shutil.copytree(campaign, other)
     for path in other.glob("*.csv"):
         path.write_text(path.read_text() + "\n")
-    told = ["identify", str(other), "--model", str(model), "--joint", "--json"]
+    told = ["identify", str(other), "--model", str(sure), "--joint", "--json"]
     assert run(told) == 0
     elsewhere = json.loads(capsys.readouterr().out)["joint"]
     assert "learned_from_these" not in elsewhere["flags"]
