@@ -164,7 +164,9 @@ class Outcome:
         others = [
             c
             for c in self.found.candidates
-            if c.adequate and c.log10_evidence > -NAMES.tie and c not in first
+            if c.adequate
+            and c.log10_evidence > -NAMES.tie
+            and all(c.effects != known.effects for known in first)  # out of the cache it is another
         ]
         others.sort(key=lambda c: -c.log10_evidence)
         return [*first, *others[:_MOST_OPEN]]

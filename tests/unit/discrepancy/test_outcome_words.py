@@ -98,11 +98,14 @@ def doubted(*failed, base_p, effects=(ZERO,), would=1.3):
     one = candidate(effects, 6.1)
     found = Found(candidate([], 0.0, base_p), {}, [one])
     trials = [Trial(name, name not in failed, f"about {name}") for name in ("size", "again")]
-    values = {id(found.base): 1.0, id(one): would}
     outcome = SimpleNamespace(
-        verdict=Verdict("none", []), found=found, best=found.base, trials=trials, doubted=one,
+        # As it comes out of the cache: another object than that among the candidates.
+        verdict=Verdict("none", []), found=found, best=found.base, trials=trials,
+        doubted=replace(one),
         learned=None,
-        parameters=lambda c: {"X1_MPa": {"value": values[id(c)], "low": 0.9, "high": 1.1}},
+        parameters=lambda c: {
+            "X1_MPa": {"value": would if c.effects else 1.0, "low": 0.9, "high": 1.1}
+        },
     )  # fmt: skip
     outcome.not_ruled_out = Outcome.not_ruled_out.fget(outcome)
     return verdict_words(outcome), doubt_words(outcome)
