@@ -31,6 +31,11 @@ def verdict_words(outcome: Outcome) -> str:
                 f"Nothing is missing that would change the curves by {NAMES.practical_um:g} µm, "
                 "though these data show more than noise."
             )
+        case "none" if _failed(outcome):
+            return (
+                "Nothing has a name: the model explains the data to within the noise, and what is "
+                "likelier did not stand the trials of a name."
+            )
         case "none":
             return (
                 "Nothing is missing, as far as these data tell: the model explains them to within "

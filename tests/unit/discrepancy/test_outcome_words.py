@@ -121,7 +121,7 @@ def test_what_is_there_and_small_is_not_said_to_be_absent():
         "If it is there all the same, other values are right: X1 1.3  (0.9 to 1.1)."
     )
     verdict, (why, again) = doubted("again", base_p=0.5, would=1.05)
-    assert verdict.startswith("Nothing is missing, as far as these data tell")
+    assert verdict.startswith("Nothing has a name: the model explains the data")
     assert (why, again) == (
         f"{ZERO} seemed to be there and gets no name, because:",
         "  about again",
