@@ -17,6 +17,12 @@ def odds_words(log10_ratio: float) -> str:
     return f"{float(f'{times:.2g}'):,.0f} times"
 
 
+def than_none_words(log10_evidence: float) -> str:
+    """Return how much likelier, or less likely, an explanation is than none at all."""
+    how = "likelier" if log10_evidence > 0 else "less likely"
+    return f"{odds_words(abs(log10_evidence))} {how} than none at all"
+
+
 def behind_words(log10_behind: float | None, best: str = "the best") -> str:
     """Return how far behind the best an explanation is; None: it is compared with no other."""
     if log10_behind is None:

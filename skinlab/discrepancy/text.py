@@ -9,7 +9,7 @@ import numpy as np
 from skinlab.discrepancy.adequacy import Place
 from skinlab.discrepancy.candidates import Candidate, Partial, behind_best, outdone
 from skinlab.discrepancy.next_measurement import Plan
-from skinlab.discrepancy.odds import chance_words, each_behind, odds_words
+from skinlab.discrepancy.odds import chance_words, each_behind, odds_words, than_none_words
 from skinlab.discrepancy.outcome import Outcome
 from skinlab.discrepancy.settings import ERRORS, NAMES, PLANS
 from skinlab.inference.flags import CATALOGUE
@@ -228,9 +228,8 @@ def _open_words(outcome: Outcome) -> list[str]:
             continue
         who = "If it is there all the same"
         if one is not outcome.doubted:
-            lead = one.log10_evidence
-            odds = f"{odds_words(abs(lead))} {'likelier' if lead > 0 else 'less likely'}"
-            who = f"{_name(one, own)} is not ruled out ({odds} than none at all). With it"
+            odds = than_none_words(one.log10_evidence)
+            who = f"{_name(one, own)} is not ruled out ({odds}). With it"
         lines.append(f"{who}, other values are right: {', '.join(others)}.")
     return lines
 
@@ -440,8 +439,7 @@ def partial_words(partial: Partial) -> str:
     lines += [f"  {where_words(p)}" for p in places]
     for c in sorted(partial.candidates, key=lambda c: -c.log10_evidence):
         lines.append(
-            f"  {_name(c, set(partial.base.effects)):<40} {odds_words(c.log10_evidence)} likelier "
-            "than none at all"
+            f"  {_name(c, set(partial.base.effects)):<40} {than_none_words(c.log10_evidence)}"
         )
     return "\n".join(lines)
 

@@ -43,6 +43,13 @@ def test_a_motion_that_counts_with_the_errors_is_compared_with_nothing():
     assert behind_best([], ()) == []
 
 
+def test_what_is_less_likely_than_none_is_no_small_number_of_times_likelier():
+    """An interrupted search said "2.4e-05 times likelier than none at all"."""
+    base, one = candidate([]), candidate([ZERO], -3.0)
+    *_, last = partial_words(Partial(base, [one])).split("\n")
+    assert last.split(maxsplit=1) == [ZERO, "1,000 times less likely than none at all"]
+
+
 def test_what_is_ahead_is_never_said_to_be_behind():
     assert behind_words(-11.0) == "more than 10,000 times likelier"
     assert behind_words(0.0) == "the best"
