@@ -153,7 +153,8 @@ class ModelIdentifier(Identifier):
             optimum=fit.unknowns.named(fit.u),
             correlation=left.correlation,
             derived=dict(law.derived(own, self.kappa)),
-            own_bounds=tuple(self.model.parameters),
+            # Of an effect no database says how far it may go.
+            own_bounds=(*self.model.parameters, *(axis.name for axis in fit.unknowns.axes)),
             error_um=rms_um / math.sqrt(len(off)),
             rms_um=rms_um,
             noise_um=judged.noise_um,

@@ -61,8 +61,8 @@ CATALOGUE = {
     ),
     "stated_noise_contradicted": Flag(
         "another noise than stated",
-        "The residuals show another noise than the one that was stated; the intervals follow the "
-        "residuals.",
+        "The residuals show another noise than the one that was stated; intervals, where there are "
+        "any, follow the residuals.",
         "Check the statement; if it is right, look for movement and contact.",
     ),
     "stated_pressure_noise_contradicted": Flag(

@@ -151,10 +151,11 @@ def zero(at, low=None, high=None, prior="uniform"):
 def test_a_model_s_bounds_of_an_effect_hold(table):
     """They had been read and not used: a stretch between 1.05 and 1.08 came out as 1.004."""
     curve = curve_of(table, np.random.default_rng(3).normal(0.0, 2.0, 100))
-    found = identifier(table, zero(30.0, 25.0, 40.0))(curve).parameters
-    offset = found["deflection_offset.offset_um"]
+    answer = identifier(table, zero(30.0, 25.0, 40.0))(curve)
+    offset = answer.parameters["deflection_offset.offset_um"]
     assert 25.0 <= offset.low <= offset.value <= offset.high <= 40.0
     assert offset.value < 32.0  # towards where the data are
+    assert "deflection_offset.offset_um" in answer.own_bounds  # which no database has
 
 
 def test_a_prior_s_mean_counts_and_not_where_the_fit_begins(table):
