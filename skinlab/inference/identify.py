@@ -134,7 +134,7 @@ class Identifier:
             phases=self.phases,
             heights=heights_of(curve),
         )
-        return self._identify([curve], blank)
+        return self.knowing([curve])._identify([curve], blank)
 
     def joint(self, curves: Sequence[Curve]) -> Identification:
         """Return one answer for several curves of one skin, each with its own noise.
@@ -151,7 +151,7 @@ class Identifier:
             phases=self.phases,
             files=files,
         )
-        return self._identify(curves, blank)
+        return self.knowing(curves)._identify(curves, blank)
 
     def growing(self, curve: Curve, previous: Identification | None = None) -> Identification:
         """Return a quick answer for a curve that is still being measured, without intervals.
@@ -202,6 +202,25 @@ class Identifier:
         if self.sensor.probe is not None or len(probes) != 1:
             return self
         return replace(self, sensor=replace(self.sensor, probe=next(iter(probes.values()))))
+
+    def knowing(self, curves: Sequence[Curve]) -> Identifier:
+        """Return the identifier with the noise that all these curves' files state alike.
+
+        The identifier's own statement comes first.
+        """
+        known = {}
+        for name in ("noise_um", "pressure_noise_mbar"):
+            stated = {getattr(curve, name) for curve in curves}
+            if getattr(self.sensor, name) is None and len(stated) == 1:
+                known[name] = stated.pop()
+        return replace(self, sensor=replace(self.sensor, **known)) if known else self
+
+    def by_their_own(self) -> Identifier:
+        """Return the identifier without statements of noise and probe, for curves that have theirs.
+
+        One that is from a session states that one's: another session has its own.
+        """
+        return replace(self, sensor=Sensor(placement_scatter=self.sensor.placement_scatter))
 
     def _identify(
         self,

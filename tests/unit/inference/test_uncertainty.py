@@ -705,6 +705,22 @@ def test_steps_of_placements_with_zeros_of_their_own_are_found(table):
         assert not {"correlated_noise", "misfit_above_noise"} & set(found.flags)
 
 
+def test_curves_know_the_noise_that_their_file_states(table):
+    """`identify_joint(session.curves)` had none; `compare` took the first session's for both."""
+    plain = of_two_placements(table, np.random.default_rng(3), 3.0)[:2]
+    curves = [replace(c, noise_um=3.0, pressure_noise_mbar=0.0) for c in plain]
+    expected = Identifier(table, sensor=Sensor(3.0, 0.0))
+    told = expected.joint(plain)
+    assert Identifier(table).joint(curves).parameters == told.parameters
+    assert Identifier(table).joint(plain).parameters != told.parameters
+    assert Identifier(table)(curves[0]).parameters == expected(plain[0]).parameters
+    another = Identifier(table, sensor=Sensor(9.0, 1.0, 0.05))
+    assert another.knowing(curves).sensor == another.sensor
+    assert another.by_their_own().knowing(curves).sensor == Sensor(3.0, 0.0, 0.05)
+    differ = [curves[0], replace(curves[1], noise_um=5.0)]
+    assert Identifier(table).knowing(differ).sensor == Sensor(None, 0.0)
+
+
 @pytest.mark.long
 def test_methods_without_intervals_say_what_a_curve_leaves_open(table):
     """`sto`, `hka` and `lm` answered a curve without any change of pressure as if it told all."""
