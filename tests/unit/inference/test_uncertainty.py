@@ -736,6 +736,17 @@ def test_methods_without_intervals_say_what_a_curve_leaves_open(table):
             assert Identifier(table, method=method)(clear).flags == ()
 
 
+def test_what_a_curve_leaves_open_is_the_same_for_all_methods(table):
+    """It was told by the curvature where a method ended: `rls` left ν out of three such curves."""
+    for skin, seeds, is_open in ((SKIN, (3, 8, 9), True), ([0.012, 0.2, 0.45], (5,), False)):
+        for seed in seeds:
+            curve = curve_of(table, np.array(skin), noise_um=2.0, seed=seed)
+            for method in ("auto", "gn", "rls", "lm"):
+                flags = Identifier(table, method=method)(curve).flags
+                if "misfit_above_noise" not in flags:  # where a method is lost it says so
+                    assert ("not_identifiable:nu" in flags) is is_open, (seed, method)
+
+
 @pytest.mark.parametrize("ends", [0, 1])
 def test_where_the_model_of_one_opening_ends_slopes_are_right_under_each(table, ends):
     """They are one-sided there, and two-sided under the other opening."""
