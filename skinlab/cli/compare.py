@@ -82,7 +82,7 @@ def command(
     # Curves of a session are fitted together: placements are among their errors.
     stated = scatter_of(placement_scatter, None)
     sensor = replace(identifier.sensor, placement_scatter=stated)
-    identifier = replace(identifier, sensor=sensor)
+    identifier = replace(identifier, sensor=sensor).by_their_own()
     results = [
         fit_session(identifier, path, session)
         for path, session in zip(paths, sessions, strict=True)

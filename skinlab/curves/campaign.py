@@ -104,7 +104,10 @@ def read_campaign(path: Path) -> Campaign:
         except InputError as error:
             raise InputError(f"{path}: curve {number}: {error}") from None
         curve = read_curve(path.parent / entry.file, setup)
-        curves.append(check_program(replace(curve, campaign=str(folder))))
+        known = replace(
+            curve, campaign=str(folder), noise_um=noise, pressure_noise_mbar=pressure_noise
+        )
+        curves.append(check_program(known))
     return Campaign(
         data.campaign.title,
         data.campaign.noise_um,

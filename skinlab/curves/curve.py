@@ -72,6 +72,7 @@ class Curve:
     calibration whose errors are in the readings; `corrected_by` the one whose errors were taken
     off them, and who leaves open what it does not know. `campaign` is the folder of the campaign,
     or the file of the session, that it is from: a label of a placement means nothing beyond.
+    `noise_um` and `pressure_noise_mbar`, standard deviations of one sample, are what that states.
 
     Raises:
         InputError: lengths differ, a value is not finite, or time does not increase.
@@ -88,6 +89,8 @@ class Curve:
     probe: ProbeErrors | None = None
     corrected_by: ProbeErrors | None = None
     campaign: str | None = None
+    noise_um: float | None = None
+    pressure_noise_mbar: float | None = None
     _phase: NDArray[np.str_] = field(init=False, repr=False)
 
     def __post_init__(self) -> None:

@@ -15,7 +15,7 @@ from skinlab.inference.covariance import block_diagonal
 from skinlab.inference.error_models import ERROR_MODELS
 from skinlab.inference.error_models.base import ErrorModel, Hyperparameter, Look, Part, Terms
 from skinlab.inference.error_models.placement import Placement
-from skinlab.inference.error_models.quantised import step_um, wave_sizes
+from skinlab.inference.error_models.quantised import rounding, step_um, wave_sizes
 from skinlab.inference.error_models.wander import Wander
 
 Array = NDArray[np.float64]
@@ -130,16 +130,8 @@ class RoundedMeans:
         variance = np.concatenate(alone) * samples.relative_noise**2
         columns = block_diagonal([waves for waves, _ in found])
 
-        def terms(values: Sequence[float]) -> Terms:
-            del values
-            return Terms(variance, columns_mm=columns if columns.shape[1] else None)
-
-        steps = sorted({float(f"{1e3 * one.step_mm:g}") for one in self.each if one.step_mm})
-        words = " and ".join(f"{step:g}" for step in steps)
-        return Part(
-            "quantised", (), terms, always=True, stated={"step_um": steps[0]},
-            why=f"readings come in steps of {words} µm",
-        )  # fmt: skip
+        steps = [float(f"{1e3 * one.step_mm:g}") for one in self.each]
+        return rounding(steps, variance, columns)
 
 
 def _rounded(records: Sequence[Record]) -> RoundedMeans | None:

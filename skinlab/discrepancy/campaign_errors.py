@@ -27,7 +27,7 @@ from skinlab.discrepancy.settings import ERRORS
 from skinlab.inference.covariance import Covariance, gram_matrices, products, products_of
 from skinlab.inference.error_choice import ErrorChoice, Node, choose_errors
 from skinlab.inference.error_models.base import ErrorModel, Look
-from skinlab.inference.error_models.quantised import step_um
+from skinlab.inference.error_models.quantised import steps_of_samples_mm
 from skinlab.inference.likelihood import LinearModel
 from skinlab.inference.noise import (
     MESH_REST,
@@ -484,7 +484,7 @@ def _along_suction(
 def outliers(records: Sequence[Record], base: Linearised) -> Mask:
     """Return which samples (u,) do not belong to their curve, whatever the model."""
     samples = samples_of(records)
-    step_mm = 1e-3 * step_um(samples.deflection_mm)
+    step_mm = steps_of_samples_mm(samples)
     # Slopes of the model's curve: a glitch of the measured one would hide in its own slope.
     read_mm = np.concatenate([r.at_pressure_mm for r in records])
     model_mm = np.split(read_mm - base.residual_mm, samples.ends[:-1])

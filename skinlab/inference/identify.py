@@ -25,7 +25,6 @@ from skinlab.inference.intervals import (
     correlation,
     is_logarithmic,
     most_of_the_range,
-    most_of_unit,
     summary,
 )
 from skinlab.inference.joint import GaussianPrior, JointMisfit
@@ -33,7 +32,7 @@ from skinlab.inference.methods import METHODS, auto, get_method
 from skinlab.inference.methods.checked import checked_estimate
 from skinlab.inference.noise import contradicted_pressure_noise, jumps
 from skinlab.inference.optimise import polish
-from skinlab.inference.posterior import Draws
+from skinlab.inference.posterior import Draws, sample
 from skinlab.inference.problem import Estimate, Options, Problem, SquaredMisfit
 from skinlab.inference.result import Advice, Identification, Provenance, Value
 from skinlab.inference.samples import (
@@ -63,7 +62,6 @@ from skinlab.tables.base import CurveModel, Database
 
 Array = NDArray[np.float64]
 
-_NORMAL_90 = 1.645  # standard deviations
 _QUICK = Options(
     samples=STARTS.growing_samples,
     best=STARTS.growing_best,
@@ -135,7 +133,7 @@ class Identifier:
             phases=self.phases,
             heights=heights_of(curve),
         )
-        return self._identify([curve], blank)
+        return self.knowing([curve])._identify([curve], blank)
 
     def joint(self, curves: Sequence[Curve]) -> Identification:
         """Return one answer for several curves of one skin, each with its own noise.
@@ -152,7 +150,7 @@ class Identifier:
             phases=self.phases,
             files=files,
         )
-        return self._identify(curves, blank)
+        return self.knowing(curves)._identify(curves, blank)
 
     def growing(self, curve: Curve, previous: Identification | None = None) -> Identification:
         """Return a quick answer for a curve that is still being measured, without intervals.
@@ -203,6 +201,25 @@ class Identifier:
         if self.sensor.probe is not None or len(probes) != 1:
             return self
         return replace(self, sensor=replace(self.sensor, probe=next(iter(probes.values()))))
+
+    def knowing(self, curves: Sequence[Curve]) -> Identifier:
+        """Return the identifier with the noise that all these curves' files state alike.
+
+        The identifier's own statement comes first.
+        """
+        known = {}
+        for name in ("noise_um", "pressure_noise_mbar"):
+            stated = {getattr(curve, name) for curve in curves}
+            if getattr(self.sensor, name) is None and len(stated) == 1:
+                known[name] = stated.pop()
+        return replace(self, sensor=replace(self.sensor, **known)) if known else self
+
+    def by_their_own(self) -> Identifier:
+        """Return the identifier without statements of noise and probe, for curves that have theirs.
+
+        One that is from a session states that one's: another session has its own.
+        """
+        return replace(self, sensor=Sensor(placement_scatter=self.sensor.placement_scatter))
 
     def _identify(
         self,
@@ -275,10 +292,9 @@ class Identifier:
             return _with_misfit(known, missed) if missed else known
         answer = self._answer(groups, models, problem, estimate, blank, kept)
         if intervals:
-            loose = self._not_identifiable(groups, models, problem, estimate)
-            said = [f"not_identifiable:{n}" for n in loose]
+            loose = self._not_identifiable(answer, groups, models, estimate)
             answer = self._judged(groups, models, estimate, answer)
-            answer = replace(answer, flags=(*answer.flags, *said))
+            answer = replace(answer, flags=(*answer.flags, *loose))
         return answer
 
     def _judged(
@@ -334,25 +350,36 @@ class Identifier:
 
     def _not_identifiable(
         self,
+        answer: Identification,
         groups: Sequence[Group],
         models: Sequence[CurveModel],
-        problem: Problem,
         estimate: Estimate,
     ) -> list[str]:
-        """Return the parameters that the samples leave open, for methods without intervals.
+        """Return flags of what the samples leave open, for methods without intervals.
 
-        By the curvature at the answer, with noise as large as the residuals.
+        As of those with intervals, by draws about the answer in the database's whole range: the
+        curvature there says too little of a curved valley, and a method's own box is no knowledge.
+        White noise is as large as the residuals.
         """
-        unit = problem.space.to_unit(estimate.parameters)
-        linear = about(groups, models, problem.space, unit, self.sensor, self.priors).linear
-        slopes, residual = linear.slopes_mm, linear.residual_mm
-        if not (np.isfinite(slopes).all() and np.isfinite(residual).all()):
-            return list(problem.space.names)
-        freedom = max(len(residual) - slopes.shape[1], 1)
-        variance = max(float(residual @ residual) / freedom, NOISE.least_mm**2)
-        spread = np.linalg.inv(slopes.T @ slopes / variance + linear.precision)
-        width = 2.0 * _NORMAL_90 * np.sqrt(np.diag(spread))
-        return [n for n, w in zip(problem.space.names, width, strict=True) if most_of_unit(w)]
+        space = models[0].space if self.space is None else self.space
+        residual = np.concatenate(_residuals(groups, models, estimate))
+        variance = float(residual @ residual) / max(len(residual) - len(space), 1)
+        sigma = max(math.sqrt(variance), NOISE.least_mm)
+        everything = [f"not_identifiable:{name}" for name in space.names]
+        if not np.isfinite(sigma):
+            return everything
+        parts: list[SquaredMisfit] = [
+            m.misfit(g.deflection_mm, independent(np.full(len(g.deflection_mm), sigma)))
+            for g, m in zip(groups, models, strict=True)
+        ]
+        unit = space.to_unit(estimate.parameters)
+        rng = np.random.default_rng(self.seed)
+        try:
+            draws = sample(space, JointMisfit([*parts, *self.priors]), unit[None], rng)
+        except ValueError:  # there is no model about it
+            return everything
+        known = from_draws(answer, space, draws, self.database.law, self.kappa, self.seed)
+        return [flag for flag in known.flags if flag in everything]
 
     def _space(self, models: Sequence[CurveModel]) -> Space:
         if self.space is not None:

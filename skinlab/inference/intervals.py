@@ -105,8 +105,3 @@ def most_of_the_range(width: tuple[float, float], prior: Array) -> bool:
     if is_logarithmic(prior):
         return bool(np.log(width[1] / width[0]) > INTERVALS.most_of_the_range * np.log(high / low))
     return bool(width[1] - width[0] > INTERVALS.most_of_the_range * (high - low))
-
-
-def most_of_unit(width: float) -> bool:
-    """Return whether an interval is more than half as wide as that of a flat prior on 0…1."""
-    return width > INTERVALS.most_of_the_range * INTERVALS.level

@@ -24,12 +24,15 @@ SPREAD = 0.6745  # median of |z| of a Gaussian
 
 
 def outlier_probability(
-    linear: LinearModel, samples: Samples, step_mm: float = 0.0, known_mm: Array | None = None
+    linear: LinearModel,
+    samples: Samples,
+    step_mm: Array | None = None,
+    known_mm: Array | None = None,
 ) -> Array:
     """Return each sample's probability (u,) of being an outlier; above 0.5 it should be left out.
 
-    `step_mm` is the step of the readings, below which nothing is an outlier; `known_mm` (u,) the
-    standard deviation of errors that are known beforehand, the pressure's.
+    `step_mm` (u,) is the step of the readings, below which nothing is an outlier; `known_mm` (u,)
+    the standard deviation of errors that are known beforehand, the pressure's.
     """
     u = len(samples)
     found = np.zeros(u)
@@ -37,9 +40,10 @@ def outlier_probability(
     if u < OUTLIERS.fewest:
         return found
     known = np.zeros(u) if known_mm is None else known_mm
+    step = np.zeros(u) if step_mm is None else step_mm
     for _ in range(OUTLIERS.searches):
         part = LinearModel(linear.residual_mm[kept], linear.slopes_mm[kept], linear.precision)
-        covariance = _robust(part.residual_mm, samples.only(kept), step_mm, known[kept])
+        covariance = _robust(part.residual_mm, samples.only(kept), step[kept], known[kept])
         off, variance = part.left_out(covariance)
         sigma = np.sqrt(variance)
         sigma = sigma * max(1.0, float(np.median(np.abs(off) / sigma)) / SPREAD)
@@ -55,10 +59,10 @@ def outlier_probability(
         chosen = here[worst][np.argsort(-np.abs(off / sigma)[worst])][:most]
         kept[chosen] = False
     found[kept] = np.minimum(found[kept], 0.5)
-    return _by_whole_runs(found, linear.residual_mm, samples, max(step_mm, OUTLIERS.least_mm))
+    return _by_whole_runs(found, linear.residual_mm, samples, np.maximum(step, OUTLIERS.least_mm))
 
 
-def _by_whole_runs(probability: Array, residual: Array, samples: Samples, least_mm: float) -> Array:
+def _by_whole_runs(probability: Array, residual: Array, samples: Samples, least_mm: Array) -> Array:
     """Return the probabilities (u,), where several samples in a row are off, of the row as it is.
 
     Four or five samples that are off together look like an error that lasts: its flanks were left
@@ -79,7 +83,7 @@ def _by_whole_runs(probability: Array, residual: Array, samples: Samples, least_
                 continue
             level = [float(np.median(side)) for side in sides]
             rest = np.concatenate([s - one for s, one in zip(sides, level, strict=True)])
-            spread = max(float(np.median(np.abs(rest))) / SPREAD, least_mm)
+            spread = max(float(np.median(np.abs(rest))) / SPREAD, float(least_mm[begin]))
             if abs(level[-1] - level[0]) > OUTLIERS.run_off * spread:
                 continue  # a jump, and no run
             off = np.abs(residual[low:high] - np.linspace(level[0], level[-1], high - low))
@@ -102,7 +106,7 @@ def _mixture(off: Array, sigma: Array, already: int) -> Array:
     return np.asarray(p)
 
 
-def _robust(residual: Array, samples: Samples, step_mm: float, known_mm: Array) -> Covariance:
+def _robust(residual: Array, samples: Samples, step_mm: Array, known_mm: Array) -> Covariance:
     """Return white noise as large as the residuals are rough, and a process for the rest."""
     ends = samples.ends
     parts = zip(
@@ -116,7 +120,9 @@ def _robust(residual: Array, samples: Samples, step_mm: float, known_mm: Array) 
     least_mm = OUTLIERS.least_mm
     z = np.abs(residual) / np.maximum(size, least_mm)
     total = np.maximum(size, least_mm) * float(np.median(z)) / SPREAD
-    size = np.maximum(size, np.maximum(max(step_mm / np.sqrt(12.0), least_mm), 0.1 * total))
+    size = np.maximum.reduce(
+        [size, step_mm / np.sqrt(12.0), np.full(len(size), least_mm), 0.1 * total]
+    )
     smooth = float(np.median(total)) ** 2 - float(np.median(size)) ** 2
     smooth = max(smooth, float(np.median(0.1 * total)) ** 2, least_mm**2)
     process = OrnsteinUhlenbeck(float(np.sqrt(smooth)), OUTLIERS.lasting_s)

@@ -22,7 +22,7 @@ from skinlab.inference.error_choice import ErrorChoice, choose_errors
 from skinlab.inference.error_judgement import Judged, judge_errors
 from skinlab.inference.error_models.base import ErrorModel, Look
 from skinlab.inference.error_models.placement import expected_sizes
-from skinlab.inference.error_models.quantised import step_um
+from skinlab.inference.error_models.quantised import steps_of_curves_um, steps_of_samples_mm
 from skinlab.inference.joint import GaussianPrior, JointMisfit
 from skinlab.inference.likelihood import LinearModel
 from skinlab.inference.marginal import IntegratedLikelihood
@@ -200,7 +200,7 @@ class Fitted:
 
         A placement that differs from the others is no outlier, however few its samples are.
         """
-        step_mm = 1e-3 * step_um(self.samples.deflection_mm)
+        step_mm = steps_of_samples_mm(self.samples)
         linear = self._with_placements()
         return outlier_probability(linear, self.samples, step_mm, self.pressure_error_mm)
 
@@ -310,13 +310,21 @@ def _on_smooth_pressures(
 
 
 def _relative_noise(residual: Array, samples: Samples) -> Array:
-    """Return each curve's noise (u,) relative to that of all, 1 where they are alike."""
+    """Return each curve's noise (u,) relative to that of all, 1 where they are alike.
+
+    Without what rounding adds; below that it is not told, and taken for that of the others.
+    """
     ends = samples.ends
     parts = np.split(residual, ends[:-1])
     if len(parts) == 1:
         return np.ones(len(residual))
     counts = np.diff([0, *ends])
     rough = np.array([max(r, NOISE.least_mm) for r in map(roughness, parts)])
+    added = (1e-3 * np.array(steps_of_curves_um(samples))) ** 2 / 12.0
+    before = np.square(rough) - added
+    rough = np.where(added == 0.0, rough, np.sqrt(np.where(before > added, before, np.nan)))
+    if not np.isfinite(rough).any():
+        return np.ones(len(residual))
     rough = np.where(np.isfinite(rough), rough, np.nanmedian(rough))
     usual = float(np.median(rough))
     chance = 1.5 / np.sqrt(2.0 * np.maximum(counts, 1))

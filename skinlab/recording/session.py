@@ -292,7 +292,13 @@ def read_session(path: Path) -> Session:
             + ("its seal is missing" if stored.unchanged else "its content differs from its hash")
         )
     source, probe = file_hash(path), _probe(stored.session.meta)
-    curves = tuple(dc_replace(c, source=source, probe=probe) for c in stored.session.curves)
+    noise_um, pressure_mbar = stated_noise(stored.session.meta)
+    curves = tuple(
+        dc_replace(
+            c, source=source, probe=probe, noise_um=noise_um, pressure_noise_mbar=pressure_mbar
+        )
+        for c in stored.session.curves
+    )
     return dc_replace(stored.session, curves=curves)
 
 

@@ -62,7 +62,8 @@ def since(
     sides = []
     for path, session, curves in zip(paths, sessions, kept, strict=True):
         alike = [curve for curve in curves if condition(curve) in shared]
-        sides.append(side_of(session, fit_curves(identifier, path.name, alike), shared))
+        answer = fit_curves(identifier.by_their_own(), path.name, alike)
+        sides.append(side_of(session, answer, shared))
     beside = (sides[2], sides[3]) if control else None
     found = changes(sides[0], sides[1], study=study, control=beside)
     return Since(before, measured_utc(sessions[0].meta), found, shared, control, notes)

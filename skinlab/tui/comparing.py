@@ -66,7 +66,8 @@ def sides(
     if not shared:
         raise InputError(f"{before.name} was measured with another opening or program")
     alike = [curve for curve in then if condition(curve) in shared]
-    earlier = side_of(session, fit_curves(identifier, before.name, alike), shared)
+    answer = fit_curves(identifier.by_their_own(), before.name, alike)
+    earlier = side_of(session, answer, shared)
     kept = [curve for curve in curves if condition(curve) in shared]
     now = Side(
         fit_curves(identifier, "this session", kept),

@@ -112,6 +112,8 @@ def test_a_stated_noise_goes_along_with_its_session(session, tmp_path):
         given, campaign = read_input(file, None), read_campaign_or_session(file)[0]
         for one in (given, campaign):
             assert (one.noise_um, one.pressure_noise_mbar) == (1.5, 0.0)
+            for curve in one.curves:
+                assert (curve.noise_um, curve.pressure_noise_mbar) == (1.5, 0.0)
     _, noise = curves_and_noise(path, {})
     assert noise == (1.5, 0.0)
     _, noise = curves_and_noise(path, {"noise_um": 3.0})  # a study's table

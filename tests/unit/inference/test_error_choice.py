@@ -21,7 +21,8 @@ from skinlab.inference.error_models.ornstein_uhlenbeck import ERROR_MODEL as OU
 from skinlab.inference.error_models.periodic import gains
 from skinlab.inference.error_models.placement import ERROR_MODEL as PLACEMENT
 from skinlab.inference.error_models.pulse import ERROR_MODEL as PULSE
-from skinlab.inference.error_models.quantised import step_um
+from skinlab.inference.error_models.quantised import ERROR_MODEL as QUANTISED
+from skinlab.inference.error_models.quantised import step_um, steps_of_curves_um
 from skinlab.inference.error_models.wander import ERROR_MODEL as WANDER
 from skinlab.inference.error_models.white import ERROR_MODEL as WHITE
 from skinlab.inference.likelihood import LinearModel
@@ -270,6 +271,46 @@ def test_a_curve_of_a_few_steps_has_them_found():
     w = 0.06 * COURSE + white(np.random.default_rng(7), 1.0)
     assert step_um(0.01 * np.round(w / 0.01)) == pytest.approx(10.0)
     assert step_um(w[:6]) == 0.0
+
+
+def together(*curves_mm):
+    """Return curves as the samples of one placement each."""
+    number = np.repeat(np.arange(len(curves_mm)), [len(w) for w in curves_mm])
+    time = np.concatenate([TIME[: len(w)] for w in curves_mm])
+    w = np.concatenate(curves_mm)
+    ones = np.ones(len(w))
+    return Samples(time, 20 * time, w, np.full(len(w), "load"), number, number, 0 * number, ones)
+
+
+def test_steps_of_curves_together_are_found_by_each_from_its_own_zero():
+    w = COURSE + white(np.random.default_rng(7), 1.0)
+    coarse = 0.01 * np.round(w / 0.01)
+    few = coarse[::8][:6]  # too few readings to tell by themselves
+    assert steps_of_curves_um(together(few)) == [0.0]
+    samples = together(coarse, coarse + 0.0037, w, few + 0.0012)
+    assert step_um(samples.deflection_mm) == 0.0
+    assert steps_of_curves_um(samples) == pytest.approx([10.0, 10.0, 0.0, 10.0])
+    finer = together(coarse, 0.002 * np.round(w / 0.002) + 0.0011)
+    assert steps_of_curves_um(finer) == pytest.approx([10.0, 2.0])
+    assert steps_of_curves_um(together(coarse, np.full(9, 0.1))) == pytest.approx([10.0, 0.0])
+    half = together(coarse, coarse + 0.005)  # a lattice of 5 µm together, and of 10 µm each
+    assert steps_of_curves_um(half) == pytest.approx([10.0, 10.0])
+
+
+def test_rounding_is_of_the_curves_in_steps_alone():
+    w = COURSE + white(np.random.default_rng(7), 1.0)
+    samples = together(0.01 * np.round(w / 0.01) + 0.0037, w)
+    left = samples.deflection_mm - np.tile(COURSE, 2)
+    left[N:] += 0.05 * X  # as much as a placement may do: no noise of a reading
+    none = np.zeros(2 * N)
+    look = Look(samples, np.tile(COURSE, 2), none, left, np.tile(SLOPES, (2, 1)), None, none, none)
+    part = QUANTISED.part(look)
+    terms = part.terms(())
+    assert part.why == "readings of 1 of 2 curves come in steps of 10 µm"
+    assert not terms.columns_mm[N:].any()
+    assert not terms.variance_mm2[N:].any()
+    whole = terms.variance_mm2[:N] + np.square(terms.columns_mm[:N]).sum(axis=1)
+    np.testing.assert_allclose(whole, 0.01**2 / 12)
 
 
 class TestOutliers:
