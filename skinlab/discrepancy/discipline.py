@@ -24,12 +24,15 @@ from skinlab.discrepancy.campaign_errors import (
     log_evidences,
 )
 from skinlab.discrepancy.candidates import LOG10, Candidate
+from skinlab.discrepancy.fit import Fit
 from skinlab.discrepancy.heldout import HeldOut
 from skinlab.discrepancy.odds import odds_words
+from skinlab.discrepancy.posterior import gaussian
 from skinlab.discrepancy.records import Record, by_geometry
 from skinlab.discrepancy.settings import NAMES, SEARCH
 from skinlab.inference.error_choice import ErrorChoice, Node
 from skinlab.inference.noise import legendre
+from skinlab.mechanics.names import is_logarithmic, label
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -156,11 +159,12 @@ class Discipline:
     def _size(self, best: Candidate, base: Candidate) -> Trial:
         changed = np.concatenate(best.fit.deflections_mm) - np.concatenate(base.fit.deflections_mm)
         size = 1e3 * float(np.sqrt(np.mean(changed**2)))
+        moved = _moved(best.fit, base.fit)
         return Trial(
             "size",
-            size >= NAMES.practical_um,
+            size >= NAMES.practical_um or bool(moved),
             f"it changes the fitted curves by {size:.1f} µm, once the law's parameters have "
-            "been fitted again",
+            f"been fitted again{''.join(moved)}",
         )
 
     def _smooth(self, best: Candidate, base: Candidate) -> Trial:
@@ -378,3 +382,20 @@ def repeats_um(
         squares += float(np.square(curves - curves.mean(axis=0)).sum())
         count += (len(group) - 1) * len(t)
     return 1e3 * math.sqrt(squares / count) if count else None
+
+
+def _moved(fit: Fit, base: Fit) -> list[str]:
+    """Return in words which of the law's parameters leave their interval by what matters."""
+    with_it, without = gaussian(fit).parameters, gaussian(base).parameters
+    found = []
+    for quantity in base.unknowns.base_names:
+        value, plain = with_it[quantity]["value"], without[quantity]
+        if plain["low"] <= value <= plain["high"]:
+            continue
+        if is_logarithmic(quantity):
+            change = value / plain["value"] - 1.0
+            if abs(change) >= NAMES.practical_share:
+                found.append(f", and {label(quantity)} by {change:+.0%}")
+        elif abs(value - plain["value"]) >= NAMES.practical_change:
+            found.append(f", and {label(quantity)} by {value - plain['value']:+.2f}")
+    return found

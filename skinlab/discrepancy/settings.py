@@ -331,6 +331,10 @@ class NameRules:
     practical_um: float = 1.0
     """Root mean square that an effect has to change the curves by after the law's parameters have
     been fitted again: a tenth of the coarsest sensor's step, below every sensor's noise."""
+    practical_share: float = 0.05
+    """Or a parameter of the law, out of its interval: half of what placements scatter by."""
+    practical_change: float = 0.02
+    """The same of a parameter that has no logarithm, ν."""
     smooth_sizes_um: tuple[float, ...] = (0.5, 1.0, 2.0, 4.0)
     """Sizes, equally likely, of a smooth error of the model, which competes for every gap: tight,
     or it explains everything (Brynjarsdottir and O'Hagan 2014). Two meshes: 0.3 to 2 µm."""

@@ -28,8 +28,9 @@ def verdict_words(outcome: Outcome) -> str:
     match outcome.verdict.name:
         case "none" if not outcome.found.base.adequate or _failed(outcome) == {"size"}:
             return (
-                f"Nothing is missing that would change the curves by {NAMES.practical_um:g} µm, "
-                "though these data show more than noise."
+                f"Nothing is missing that would change the curves by {NAMES.practical_um:g} µm, or "
+                f"a parameter by {NAMES.practical_share:.0%}, though these data show more than "
+                "noise."
             )
         case "none" if _failed(outcome):
             return (

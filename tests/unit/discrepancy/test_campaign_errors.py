@@ -456,6 +456,38 @@ def test_a_second_effect_has_to_be_there_again(table, curves, size_um, needed):
     assert again.needs_both(leading, alone) is needed
 
 
+@pytest.mark.parametrize(
+    ("moved_um", "x2", "nu", "passes", "said"),
+    [
+        (1.1, 0.0, 0.0, True, "again"),
+        (0.8, 0.0, 0.0, False, "again"),
+        (0.8, 0.14, 0.0, True, "again, and X2 by +14%"),
+        (0.8, 0.14, -0.05, True, "again, and X2 by +14%, and ν by -0.05"),
+        (0.8, 0.04, -0.01, False, "again"),  # out of the interval, and little
+    ],
+)
+def test_what_moves_a_parameter_matters_though_curves_hardly_change(
+    table, moved_um, x2, nu, passes, said
+):
+    """A preload moved curves by 0.8 µm and X2 by 14 %: it was "nothing that would change them"."""
+    made = campaign(table, lambda t, per_log, rng: rng.normal(0, 2e-3, len(t)))
+    fitter, fit = fitted(table, made)
+    fit = replace(fit, jacobian=100.0 * fit.jacobian)  # known well
+    at = fit.unknowns.base(fit.u)
+    there = [at["X1_MPa"], at["X2_MPa"] * (1.0 + x2), at["nu"] + nu]
+    u = fit.unknowns.space.coordinates(np.array(there))
+    with_it = replace(fit, u=u, deflections_mm=[w + 1e-3 * moved_um for w in fit.deflections_mm])
+    left = Residual(1.0, (), 1.0)
+    base, best = Candidate(fit, left, 0.0), Candidate(with_it, left, 9.0)
+    plain = Linearised.of(fit, fitter.errors, fitter.measured)
+    errors = learned(fitter.records, plain, noise_um=2.0, placement_scatter=0.0)
+    linear, odds = ({id(base): x, id(best): x} for x in (plain, 0.0))
+    discipline = Discipline(fitter.records, errors, linear, odds)
+    trial = discipline.trials(best, base, [best], [], HeldOut(1.0, 1.0, 1.0, (), 1.0))[0]
+    assert (trial.name, trial.passed) == ("size", passes)
+    assert trial.sentence.endswith(f"fitted {said}")
+
+
 def test_a_name_is_there_again_though_a_second_effect_says_a_little_more(table):
     """Without the odds before the data any pair that holds the name was ahead in every part."""
     made = campaign(table, lambda t, per_log, rng: rng.normal(0, 2e-3, len(t)))
