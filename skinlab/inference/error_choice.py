@@ -228,6 +228,27 @@ def choose_errors(
     ]
     if later:
         best = grown(best, [*others, *later])
+    # Below errors that last a breath hardly shows, for these follow it: so it is tried in their
+    # place. Of one curve it was looked for before them.
+    rest = tuple(p for p in best.combination.parts if p.always or not p.is_process)
+    if look.samples.curves > 1 and len(rest) < len(best.combination.parts):
+        bare = combine(rest)
+        at = np.array([best.mode[name] for name in bare.parameters])
+        above, names = replace(look, covariance=bare.covariance(at)), names | best.combination.names
+        waves = [
+            part
+            for model in models
+            if model.name not in names and (part := part_of(model, above)) is not None
+        ]
+        begin = {**starts, **best.mode}
+        instead = [
+            _explore(combine((*rest, part)), linear, begin, slow, best.log_evidence)
+            for part in waves
+        ]
+        tried.extend(instead)
+        leader = max(instead, key=lambda e: e.log_evidence, default=best)
+        if leader.log_evidence > best.log_evidence:
+            best = grown(leader, [*others, *later, *waves])
     # What came first may be needless beside what came later: lasting errors beside a sine. Of one
     # curve, what stays is looked at again: a walk beside these. Of several each try costs more.
     early = [p for p in best.combination.parts if not p.always][:-1]

@@ -35,40 +35,76 @@ _ROUNDING = 1e-9  # of columns of length 1
 _KEPT = 160  # waves of frequencies: those of all settings of a combination, twice
 
 
-def gains(look: Look, grids_hz: Sequence[Array]) -> list[Array]:
-    """Return what a sine gains in log likelihood: of each curve's frequencies (f,).
+class Sines:
+    """Sines of each curve's frequencies, white by the errors, less what the unknowns absorb.
 
-    By the covariance of the best errors so far, where one is known; else for white ones.
+    By the covariance of the best errors so far, where one is known; else by white ones.
     """
-    samples, known = look.samples, look.covariance
-    every = np.column_stack([look.residual_mm, look.slopes])
-    if known is not None:
-        every = known.whiten_without_columns(np.column_stack([every, known.columns_mm]))
-    basis = _span(every[:, 1:])
-    left = every[:, 0] - basis @ (basis.T @ every[:, 0])
-    variance = 1.0
-    if known is None:
-        variance = max(float(left @ left) / max(len(left) - basis.shape[1], 1), 1e-300)
-    found = []
-    for grid, (begin, end) in zip(grids_hz, pairwise((0, *samples.ends)), strict=True):
-        if begin == end:
-            found.append(np.zeros(len(grid)))
-            continue
-        here = slice(begin, end)
-        waves = _waves(samples.time_s[here], grid)  # (n, f, 2)
+
+    def __init__(self, look: Look, grids_hz: Sequence[Array]) -> None:
+        samples, known = look.samples, look.covariance
+        every = np.column_stack([look.residual_mm, look.slopes])
         if known is not None:
-            own = np.zeros(known.count, dtype=bool)
-            own[here] = True
-            waves = known.only(own).whiten_without_columns(waves)
+            every = known.whiten_without_columns(np.column_stack([every, known.columns_mm]))
+        self._basis = _span(every[:, 1:])
+        self._left = every[:, 0] - self._basis @ (self._basis.T @ every[:, 0])
+        self._variance = 1.0
+        if known is None:
+            freedom = max(len(self._left) - self._basis.shape[1], 1)
+            self._variance = max(float(self._left @ self._left) / freedom, 1e-300)
+        self._here, self._waves = [], []  # of each curve its samples, and (n, f, 2)
+        for grid, (begin, end) in zip(grids_hz, pairwise((0, *samples.ends)), strict=True):
+            here = slice(begin, end)
+            waves = _waves(samples.time_s[here], grid)
+            if known is not None and begin < end:
+                own = np.zeros(known.count, dtype=bool)
+                own[here] = True
+                waves = known.only(own).whiten_without_columns(waves)
+            self._here.append(here)
+            self._waves.append(waves)
+
+    def gain(self, curve: int, beside: Array | None = None) -> Array:
+        """Return what a sine gains in log likelihood: of a curve's frequencies (f,)."""
+        here, waves = self._here[curve], self._waves[curve]
+        basis, left = self._basis, self._left
+        if beside is not None:
+            basis = np.column_stack([basis, beside])
+            left = left - beside @ (beside.T @ left)
         taken = np.tensordot(basis[here].T, waves, 1)
         whole = np.einsum("nfi,nfj->fij", waves, waves)
         square = whole - np.einsum("kfi,kfj->fij", taken, taken)
         product = np.tensordot(left[here], waves, 1)
         # A wave that the unknowns absorb all of tells nothing.
         square += _ABSORBED * np.trace(whole, axis1=1, axis2=2)[:, None, None] * np.eye(2)
+        if here.start == here.stop:
+            return np.zeros(waves.shape[1])
         amplitude = np.linalg.solve(square, product[:, :, None])[:, :, 0]
-        found.append(0.5 * (product * amplitude).sum(axis=1) / variance)
-    return found
+        return np.asarray(0.5 * (product * amplitude).sum(axis=1) / self._variance)
+
+    def each_beside_the_others(self, first: list[Array]) -> tuple[list[Array], list[int]]:
+        """Return gains of each curve beside the others' best sines, and the best of each.
+
+        Repeats tell errors by how they differ, so that a curve's sine is in what is left of the
+        others as well: alone a weaker one was found where a stronger one is.
+        """
+        found, best = list(first), [int(gain.argmax()) for gain in first]
+        for _ in range(KINDS.sine_sweeps):
+            before = list(best)
+            for curve in np.argsort([-float(gain.max()) for gain in found]):
+                others = self._beside(best, int(curve))
+                found[curve] = self.gain(int(curve), others)
+                best[curve] = int(found[curve].argmax())
+            if best == before:
+                break
+        return found, best
+
+    def _beside(self, best: Sequence[int], but: int) -> Array:
+        """Return an orthonormal basis (n, m) of the other curves' best sines."""
+        columns = np.zeros((len(self._left), 2 * len(best)))
+        for curve, (here, waves) in enumerate(zip(self._here, self._waves, strict=True)):
+            if curve != but:
+                columns[here, 2 * curve : 2 * curve + 2] = waves[:, best[curve]]
+        return _span(columns - self._basis @ (self._basis.T @ columns))
 
 
 def _span(values: Array) -> Array:
@@ -144,7 +180,7 @@ class Periodic:
         if samples.curves > 1:
             return self._of_each(look, size)
         grid = self._grid_hz(lasts, KINDS.sine_most)
-        (gain,) = gains(look, [grid])
+        gain = Sines(look, [grid]).gain(0)
         # White residuals: the largest of several, each of mean 1.
         if gain.max() < KINDS.sine_stands_out:
             return None
@@ -176,8 +212,12 @@ class Periodic:
         times = np.split(samples.time_s, samples.ends[:-1])
         lasts = np.array([max(np.ptp(t), 1e-9) if len(t) else 1e-9 for t in times])
         grids = [self._grid_hz(each, KINDS.sine_most_of_each) for each in lasts]
-        gain = gains(look, grids)
-        best = np.array([grid[g.argmax()] for grid, g in zip(grids, gain, strict=True)])
+        sines = Sines(look, grids)
+        gain = [sines.gain(curve) for curve in range(samples.curves)]
+        if sum(float(each.max()) for each in gain) < KINDS.sines_stand_out * samples.curves:
+            return None
+        gain, at = sines.each_beside_the_others(gain)
+        best = np.array([grid[i] for grid, i in zip(grids, at, strict=True)])
         top = np.array([max(float(g.max()), 1e-9) for g in gain])
         # About its best frequency a sine's gain falls by (πTΔf)²/3 of itself.
         spread = np.sqrt(1.5 / top) / (np.pi * lasts)

@@ -18,7 +18,7 @@ from skinlab.inference.error_models import ERROR_MODELS
 from skinlab.inference.error_models.base import Hyperparameter, Look, Part, Terms
 from skinlab.inference.error_models.heavy_tails import ERROR_MODEL as HEAVY
 from skinlab.inference.error_models.ornstein_uhlenbeck import ERROR_MODEL as OU
-from skinlab.inference.error_models.periodic import gains
+from skinlab.inference.error_models.periodic import Sines
 from skinlab.inference.error_models.placement import ERROR_MODEL as PLACEMENT
 from skinlab.inference.error_models.pulse import ERROR_MODEL as PULSE
 from skinlab.inference.error_models.quantised import ERROR_MODEL as QUANTISED
@@ -26,6 +26,7 @@ from skinlab.inference.error_models.quantised import step_um, steps_of_curves_um
 from skinlab.inference.error_models.wander import ERROR_MODEL as WANDER
 from skinlab.inference.error_models.white import ERROR_MODEL as WHITE
 from skinlab.inference.likelihood import LinearModel
+from skinlab.inference.noise import legendre
 from skinlab.inference.outliers import outlier_probability
 from skinlab.inference.samples import Samples
 from skinlab.report.text import errors_in_words
@@ -682,11 +683,14 @@ def test_lasting_errors_that_sines_explain_are_dropped():
     assert low < np.log(1.2) < high
 
 
-def of_several(errors_mm):
-    """Return what is chosen for curves one after the other, each with errors (N,) of a row."""
+def of_several(errors_mm, one=SLOPES):
+    """Return what is chosen for curves one after the other, each with errors (N,) of a row.
+
+    Slopes of each are `one` (N, k).
+    """
     count = len(errors_mm)
     number = np.repeat(np.arange(count), N)
-    course, slopes, time = np.tile(COURSE, count), np.tile(SLOPES, (count, 1)), np.tile(TIME, count)
+    course, slopes, time = np.tile(COURSE, count), np.tile(one, (count, 1)), np.tile(TIME, count)
     errors, suction = errors_mm.ravel(), np.tile(100 * X, count)
     slope = np.tile(np.gradient(COURSE, 100 * X), count)
     samples = Samples(
@@ -696,7 +700,8 @@ def of_several(errors_mm):
     look = Look(
         samples, course, slope, errors, slopes, None, 0 * time, 0 * time, placement_scatter=0.0
     )
-    linear = LinearModel(errors, slopes, PRECISION)
+    precision = PRECISION if one is SLOPES else 1e-6 * np.eye(one.shape[1])
+    linear = LinearModel(errors, slopes, precision)
     return choose_errors(look, linear, np.zeros((len(time), 0)), np.zeros(len(time)))
 
 
@@ -710,6 +715,25 @@ def test_curves_have_a_breath_of_their_own_each():
     assert found.parameters()["white_um"] == pytest.approx(1.0, rel=0.1)
     assert found.parameters()["pulse_um"] == pytest.approx(3.0, rel=0.5)
     assert found.parameters()["pulse_hz"] == pytest.approx(1.2, abs=0.05)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_breath_is_told_by_repeats_and_is_no_error_that_lasts(seed):
+    """What repeats have in common is left open: by their differences alone breath was `ou`.
+
+    Each curve's breath is in what the others leave, and was looked for below errors that follow it.
+    """
+    rng = np.random.default_rng(seed)
+    hz = np.array([[0.24], [0.38], [0.3], [0.34]])
+    waves = 6e-3 * np.sin(2 * np.pi * (hz * TIME + rng.uniform(size=(4, 1))))
+    noise = 1e-3 * rng.standard_normal((4, N))
+    common = legendre(X, 20)
+    found = of_several(waves + noise, common)
+    assert found.probability("breathing") > 0.99
+    told = found.parameters()
+    assert told["white_um"] == pytest.approx(1.0, rel=0.15)
+    assert told["breathing_um"] == pytest.approx(6.0 / math.sqrt(2.0), rel=0.5)
+    assert told.get("ou_um", 0.0) < 1.0
 
 
 def test_a_curve_of_which_no_sample_is_left_has_no_sine():
@@ -759,7 +783,7 @@ def test_what_a_wave_gains_does_not_depend_on_rounding():
             samples_of(COURSE + errors), COURSE, COURSE, errors, slopes, None, np.zeros(N),
             np.zeros(N),
         )  # fmt: skip
-        return gains(look, grid)[0]
+        return Sines(look, grid).gain(0)
 
     alone = gained(SLOPES)
     for seed in range(5):
