@@ -30,7 +30,7 @@ from skinlab.inference.intervals import (
 from skinlab.inference.joint import GaussianPrior, JointMisfit
 from skinlab.inference.methods import METHODS, auto, get_method
 from skinlab.inference.methods.checked import checked_estimate
-from skinlab.inference.noise import contradicted_pressure_noise, jumps
+from skinlab.inference.noise import contradicted_pressure_noise
 from skinlab.inference.optimise import polish
 from skinlab.inference.posterior import Draws, sample
 from skinlab.inference.problem import Estimate, Options, Problem, SquaredMisfit
@@ -342,10 +342,15 @@ class Identifier:
         elsewhere = Elsewhere(self.database, self.kappa)
         fit = about(groups, models, problem.space, unit, self.sensor, self.priors, elsewhere)
         members = [member for g in groups for member in g.members]
+        names = [member.curve.name for member in members]
+        found = answer.placement
+        sizes = (found.scatter["value"], 1e-3 * found.offset_um["value"]) if found else (0.0, 0.0)
+        each = fit.left_of_curves_mm(kept, sizes)
+        slipped = fit.slipped(each, kept, 1e-3 * (answer.noise_um or 0.0))
         return [
-            member.curve.name
-            for member, left in zip(members, fit.left_of_curves_mm(kept), strict=True)
-            if (not is_alone and misses_noise([left])) or jumps(left)
+            name
+            for name, left, slips in zip(names, each, slipped, strict=True)
+            if (not is_alone and misses_noise([left])) or slips
         ]
 
     def _not_identifiable(

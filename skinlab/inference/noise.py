@@ -50,11 +50,12 @@ def _shapes(sizes: Sequence[float], pressure_mbar: Array, deflection_mm: Array) 
     return np.asarray(legendre(x, len(sizes)) * np.array(sizes) * deflection_mm[:, None])
 
 
-def jumps(residual_mm: Array) -> bool:
+def jumps(residual_mm: Array, step_mm: float = 0.0) -> bool:
     """Return whether what a fit leaves (n,) has a step in it: the probe slipped, or was touched.
 
     Straight lines through the samples on either side miss each other there by far more than
-    elsewhere, and so do two neighbours, which they do not where a smooth misfit bends.
+    elsewhere, and so do two neighbours, which they do not where a smooth misfit bends. One step of
+    the readings (`step_mm`), or two, is none of the skin's: a slow curve rises by such.
     """
     side = NOISE.side
     if len(residual_mm) < 2 * side + NOISE.fewest:
@@ -66,7 +67,10 @@ def jumps(residual_mm: Array) -> bool:
     rises = np.diff(residual_mm)[side - 3 : 3 - side]
     beside = np.abs(rises[2:-2] - 0.25 * (rises[:-4] + rises[1:-3] + rises[3:-1] + rises[4:]))
     at = int(gaps.argmax())
-    return all(v[at] > NOISE.jump * float(np.median(v)) / _QUARTILE for v in (gaps, beside))
+    usual = [NOISE.jump * float(np.median(v)) / _QUARTILE for v in (gaps, beside)]
+    return all(
+        v[at] - 2.0 * step_mm > least for v, least in zip((gaps, beside), usual, strict=True)
+    )
 
 
 def roughness(values: Array) -> float:

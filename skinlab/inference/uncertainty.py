@@ -26,9 +26,11 @@ from skinlab.inference.error_models.quantised import steps_of_curves_um, steps_o
 from skinlab.inference.joint import GaussianPrior, JointMisfit
 from skinlab.inference.likelihood import LinearModel
 from skinlab.inference.marginal import IntegratedLikelihood
+from skinlab.inference.methods.auto import identify as search_everywhere
 from skinlab.inference.noise import (
     MESH_REST,
     held,
+    jumps,
     locking_shapes,
     mesh_error_shapes,
     pressure_error_mm,
@@ -36,9 +38,10 @@ from skinlab.inference.noise import (
     roughness,
     slope_mm_per_mbar,
 )
+from skinlab.inference.optimise import polish
 from skinlab.inference.outliers import outlier_probability
 from skinlab.inference.posterior import FLAT_PRECISION, Draws, sample
-from skinlab.inference.problem import SquaredMisfit
+from skinlab.inference.problem import Options, Problem, SquaredMisfit
 from skinlab.inference.samples import Group, Samples, samples_of
 from skinlab.inference.settings import NOISE, POSTERIOR
 from skinlab.mechanics.materials.compressibility import KappaConvention
@@ -204,13 +207,16 @@ class Fitted:
         linear = self._with_placements()
         return outlier_probability(linear, self.samples, step_mm, self.pressure_error_mm)
 
-    def left_of_curves_mm(self, kept: NDArray[np.bool_]) -> list[Array]:
+    def left_of_curves_mm(
+        self, kept: NDArray[np.bool_], learned: tuple[float, float] = (0.0, 0.0)
+    ) -> list[Array]:
         """Return what is left of each curve, by its samples (u,) that are kept.
 
         Of curves together that is without what their placements probably did, and the unknowns
-        with them: each curve by its own spread, so that one that is off sways little.
+        with them: each curve by its own spread, so that one that is off sways little. `learned` are
+        the scatter and the zero, mm, of placements if they are more than is expected.
         """
-        samples, linear = self.samples.only(kept), self._with_placements()
+        samples, linear = self.samples.only(kept), self._with_placements(learned)
         ends = np.cumsum(np.bincount(samples.curve, minlength=self.samples.curves))[:-1]
         residual, slopes = linear.residual_mm[kept], linear.slopes_mm[kept]
         parts = np.split(residual, ends)
@@ -222,12 +228,28 @@ class Fitted:
             parts = np.split(residual, ends)
         return parts
 
-    def _with_placements(self) -> LinearModel:
+    def slipped(
+        self, left_mm: Sequence[Array], kept: NDArray[np.bool_], noise_mm: float
+    ) -> list[bool]:
+        """Return of each curve whether what is left of it has a step that is not its readings'.
+
+        Where a curve is steep the pressure's noise is the larger: that is no step either.
+        """
+        steep = np.sqrt(1.0 + np.square(self.pressure_error_mm / max(noise_mm, NOISE.least_mm)))
+        each = [steep[kept & (self.samples.curve == i)] for i in range(self.samples.curves)]
+        steps_mm = 1e-3 * np.array(steps_of_curves_um(self.samples))
+        return [
+            jumps(left / scale, float(step))
+            for left, scale, step in zip(left_mm, each, steps_mm, strict=True)
+        ]
+
+    def _with_placements(self, learned: tuple[float, float] = (0.0, 0.0)) -> LinearModel:
         """Return the linear model with what placements of curves together are expected to do."""
         linear, samples = self.linear, self.samples
         scatter, zero_mm = expected_sizes(self.sensor.placement_scatter)
         if samples.curves < 2 or not zero_mm:
             return linear
+        scatter, zero_mm = max(scatter, learned[0]), max(zero_mm, learned[1])
         one = (samples.placement[:, None] == np.unique(samples.placement)).astype(float)
         softer = (samples.pressure_mbar * self.slope_mm_per_mbar)[:, None] * one
         slopes = np.hstack([linear.slopes_mm, scatter * softer, zero_mm * one])
@@ -253,7 +275,9 @@ class Fitted:
         """
         samples = self.samples.only(kept)
         residual = self.linear.residual_mm[kept]
-        samples = replace(samples, relative_noise=_relative_noise(residual, samples))
+        pressure_error_mm = self.pressure_error_mm[kept]
+        relative = _relative_noise(residual, samples, pressure_error_mm)
+        samples = replace(samples, relative_noise=relative)
         linear = LinearModel(residual, self.linear.slopes_mm[kept], self.linear.precision)
         look = Look(
             samples,
@@ -263,7 +287,7 @@ class Fitted:
             linear.slopes_mm,
             self.sensor.noise_um,
             self.pressure_sd_mbar()[kept],
-            self.pressure_error_mm[kept],
+            pressure_error_mm,
             self.sensor.placement_scatter,
             thickness_error_mm=None if thickness_error_mm is None else thickness_error_mm[kept],
         )
@@ -309,10 +333,11 @@ def _on_smooth_pressures(
     return [g for g, _ in found], [model for _, model in found]
 
 
-def _relative_noise(residual: Array, samples: Samples) -> Array:
+def _relative_noise(residual: Array, samples: Samples, pressure_error_mm: Array) -> Array:
     """Return each curve's noise (u,) relative to that of all, 1 where they are alike.
 
-    Without what rounding adds; below that it is not told, and taken for that of the others.
+    Without what rounding and the pressures' noise add; below these it is not told, and taken for
+    that of the others.
     """
     ends = samples.ends
     parts = np.split(residual, ends[:-1])
@@ -321,15 +346,17 @@ def _relative_noise(residual: Array, samples: Samples) -> Array:
     counts = np.diff([0, *ends])
     rough = np.array([max(r, NOISE.least_mm) for r in map(roughness, parts)])
     added = (1e-3 * np.array(steps_of_curves_um(samples))) ** 2 / 12.0
+    each = np.split(pressure_error_mm, ends[:-1])
+    added += np.array([float(np.mean(e**2)) if len(e) else 0.0 for e in each])
     before = np.square(rough) - added
-    rough = np.where(added == 0.0, rough, np.sqrt(np.where(before > added, before, np.nan)))
-    if not np.isfinite(rough).any():
+    own = np.where(added == 0.0, rough, np.sqrt(np.where(before > added, before, np.nan)))
+    if not np.isfinite(own).any():
         return np.ones(len(residual))
-    rough = np.where(np.isfinite(rough), rough, np.nanmedian(rough))
-    usual = float(np.median(rough))
-    chance = 1.5 / np.sqrt(2.0 * np.maximum(counts, 1))
-    apart = np.abs(np.log(rough / usual)) > POSTERIOR.alike * chance
-    return np.repeat(np.where(apart, rough / usual, 1.0), counts)
+    own = np.where(np.isfinite(own), own, np.nanmedian(own))
+    usual = float(np.median(own))
+    chance = 1.5 / np.sqrt(2.0 * np.maximum(counts, 1)) * np.fmax(rough / own, 1.0) ** 2
+    apart = np.abs(np.log(own / usual)) > POSTERIOR.alike * chance
+    return np.repeat(np.where(apart, own / usual, 1.0), counts)
 
 
 def about(
@@ -404,6 +431,7 @@ def assess(
     kept: NDArray[np.bool_] | None = None,
     priors: Sequence[GaussianPrior] = (),
     error_models: Sequence[ErrorModel] | None = None,
+    sought: bool = False,
 ) -> Uncertainty:
     """Return the posterior about the minima (m, k), points of the space's unit cube, best first.
 
@@ -411,7 +439,7 @@ def assess(
     belong to the curves; `error_models` are those to choose from, all that there are if None.
     """
     names = space.names
-    priors = list(priors)
+    given, own_priors, priors = (groups, models, space), priors, list(priors)
     modes = minima[: POSTERIOR.modes]
     relative_sd = stated_sd = max(g.thickness_sd_mm / g.geometry.thickness_mm for g in groups)
     own_thickness = sensor.placement_scatter != 0.0 and samples_of(groups).placements > 1
@@ -448,6 +476,20 @@ def assess(
         )
     ]
     parts += priors
+    if fitted.samples.placements > 1 and not sought:
+        # Least squares knew of no placements: by these errors the best may lie in another valley.
+        problem = Problem(space, JointMisfit(parts), int(kept.sum()))
+        found = search_everywhere(problem, Options(), rng.spawn(1)[0]).minima
+        if found is not None:
+            modes = np.vstack([modes, found[: POSTERIOR.modes]])
+        at = polish(space, problem.misfit, modes)
+        best_of = int(np.argmin(at.cost))
+        if at.cost[best_of] < at.cost[0] - POSTERIOR.elsewhere:
+            there = at.unit[best_of, : len(names)]
+            return assess(
+                database, kappa, *given, np.vstack([there, minima]), sensor, rng, kept=kept,
+                priors=own_priors, error_models=error_models, sought=True,
+            )  # fmt: skip
     likelihood = IntegratedLikelihood(
         models, fitted.linear.residual_mm[kept], fitted.parameters, kept, errors
     )

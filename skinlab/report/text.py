@@ -144,7 +144,9 @@ def explain(result: Identification, noise_um: float | None = None) -> list[str]:
             f"These data do not determine {names}: the interval is most of what is possible."
         )
     if "misfit_above_noise" in result.flags:
-        times, noise = times_the_noise(result.error_model, result.rms_um, noise_um)
+        # Of several curves the residual has in it what placements did, and that is no noise.
+        rms_um = result.rms_um if result.files is None else None
+        times, noise = times_the_noise(result.error_model, rms_um, noise_um)
         found.append(
             f"The residual is {f'{times} times' if times else 'clearly more than'} {noise}: the "
             "model misses something here, and the intervals mean less."
@@ -177,11 +179,13 @@ def times_the_noise(
 
     The number is "" where it is unknown or would not show that the residual is more. Where the
     residual is more than a stated noise, that noise counts: `noise_um` is the one that was found.
+    Where `rms_um` is None the noise that was found stands for the residual.
     """
     which = "the noise"
     both = None if model is None else _CONTRADICTED.search(model.why)
     if both and float(both[2]) > float(both[1]):
         noise_um, which = float(both[1]), "the stated noise"
+        rms_um = float(both[2]) if rms_um is None else rms_um
     if not noise_um or not rms_um or rms_um < _CLEARLY * noise_um:
         return "", which
     return f"{rms_um / noise_um:.1f}", which

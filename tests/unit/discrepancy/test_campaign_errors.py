@@ -521,9 +521,12 @@ def test_a_name_is_there_again_though_a_second_effect_says_a_little_more(table):
 
     # What is ahead with the name in it is no other name: the zero wandered in some curves.
     def of(one, *effects):
-        return replace(
-            one, fit=replace(one.fit, unknowns=replace(one.fit.unknowns, effects=effects))
-        )
+        unknowns = replace(one.fit.unknowns, effects=effects)
+        more = len(unknowns) - len(one.fit.u)
+        wide = np.random.default_rng(0).standard_normal((len(time), more))
+        jacobian = np.column_stack([one.fit.jacobian[: len(time)], wide])
+        u = np.append(one.fit.u, np.zeros(more))
+        return replace(one, fit=replace(one.fit, unknowns=unknowns, u=u, jacobian=jacobian))
 
     name = of(name, "tape_slip")
     for effects, there in ((("baseline_drift", "tape_slip"), True), (("sensor_curve",), False)):

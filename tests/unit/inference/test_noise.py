@@ -121,6 +121,18 @@ def test_a_step_is_told_from_noise_and_from_what_bends():
     assert not jumps(np.zeros(10))
 
 
+def test_steps_of_the_readings_are_no_slips():
+    """A slow curve rises by one step of 10 µm at a time, and what is left of it is saw teeth."""
+    n, noise = np.arange(201), np.random.default_rng(1)
+    found = []
+    for seed in range(20):
+        rises = np.cumsum(np.full(len(n), 0.17 + 0.01 * seed))
+        read = 10.0 * np.round((rises + noise.normal(0.0, 0.5, len(n))) / 10.0)
+        found.append(jumps(read - rises, 10.0))
+        assert jumps(read - rises + 60.0 * (n > 100), 10.0)
+    assert sum(found) == 0
+
+
 def channels(rng, sd_mbar):
     """Return times and readings of pressure channels that drift, of five programs."""
     for n, hz in ((51, 10.0), (101, 20.0), (501, 100.0)):

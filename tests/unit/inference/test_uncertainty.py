@@ -401,6 +401,19 @@ class TestPlacement:
         for value, truth in zip(found.parameters.values(), SKIN, strict=True):
             assert value.low <= truth <= value.high
 
+    def test_the_pressures_noise_is_no_curves_own(self, table):
+        """Steep curves were called noisier, flat ones quieter, and the rest an error that lasts."""
+        wrong = []
+        for seed in range(8):
+            rng, curves = np.random.default_rng(seed), []
+            for i in range(4):
+                setup = replace(STANDARD, aperture_mm=(2.0, 6.0)[i % 2])
+                c = curve_of(table, SKIN, setup, 1.0, 10 * seed + i, np.linspace(0.0, 70.0, 141))
+                curves.append(replace_pressure(c, c.pressure_mbar + rng.normal(0.0, 0.5, len(c))))
+            found = Identifier(table, sensor=Sensor(1.0, None, None)).joint(curves)
+            wrong.append({"stated_noise_contradicted", "correlated_noise"} & set(found.flags))
+        assert sum(map(bool, wrong)) <= 1
+
     def test_the_best_fit_counts_with_it(self, table):
         """Least squares took places that differ for an ν of 0, which no interval held."""
         for seed in (1, 2, 3):
@@ -408,6 +421,22 @@ class TestPlacement:
             found = Identifier(table, sensor=Sensor(3.0, 0.0, None)).joint(curves)
             for name, value in found.parameters.items():
                 assert value.low <= found.optimum[name] <= value.high
+
+    @pytest.mark.parametrize("seed", [7, 9])
+    def test_another_valley_is_looked_for_with_it(self, table, seed):
+        """Without placements least squares end at ν 0 and X2 7.6; no interval held the truth."""
+        truth = np.array([0.0502, 1.913, 0.47])
+        rng, curves = np.random.default_rng(seed), []
+        for i in range(8):
+            setup = replace(STANDARD, aperture_mm=(2.0, 6.0)[i % 2], thickness_mm=1.0)
+            softer = truth * np.exp(0.06 * rng.standard_normal() * np.array([1.0, 1.0, 0.0]))
+            curve = curve_of(table, softer, setup, 1.0, 10 * seed + i)
+            zero_mm = 0.01 * rng.standard_normal()
+            curves.append(replace(curve, deflection_mm=curve.deflection_mm + zero_mm))
+        found = Identifier(table, sensor=Sensor(None, None, None)).joint(curves)
+        assert "misfit_above_noise" not in found.flags
+        for value, true in zip(found.parameters.values(), truth, strict=True):
+            assert value.low <= true <= value.high
 
     @pytest.mark.long
     def test_intervals_count_with_it(self, table):
