@@ -79,7 +79,8 @@ def outcome_of(
     parts = (f"{name} {content}" for name, content in data.items())
     stated = repr((campaign.noise_um, campaign.pressure_noise_mbar, campaign.placement_scatter))
     probes = ("" if c.probe is None else f"probe {c.probe.hash}" for c in campaign.curves)
-    learned = f"learned from these: {base.learned_from(data.values())}"
+    curves = hashes_of(campaign).values()
+    learned = f"learned from these: {base.learned_from(curves)}"
     name = cache.key([base.hash, learned, table.content_hash, *parts, stated, *probes])
     known = cache.load(name, records_of(campaign)) if cached else None
     if known is not None:
@@ -89,7 +90,7 @@ def outcome_of(
         table,
         model=base,
         workers=workers or os.cpu_count() or 1,
-        data=data.values(),
+        data=curves,
         progress=progress,
         partial=workflow.Partial() if partial is None else partial,
     )

@@ -60,7 +60,7 @@ def explain(
     the database cannot answer stay approximate. `partial` is told of what is known so far. The
     answer is the same for any number of workers; `seed` is that of the draws from the posterior.
     Where effects of the model were learned from a file of these curves, or from `data` (`sha256:…`
-    each), what the model says of their size is left aside: the curves count once.
+    of what each curve says), what the model says of their size is left aside: they count once.
 
     Raises:
         InputError: a curve is too short, the database is of another law, or of one opening only.

@@ -168,7 +168,11 @@ class Model(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         return self.effects[effect][parameter].prior
 
     def learned_from(self, hashes: Collection[str]) -> bool:
-        """Return whether effects' priors were learned from data with one of these hashes."""
+        """Return whether effects' priors were learned from data with one of these hashes.
+
+        The hashes are of curves. Models of earlier versions hold their campaign.toml's as well,
+        which says nothing: it stays the same when its curves are others.
+        """
         priors = [at.prior for each in self.effects.values() for at in each.values()]
         known = any(isinstance(prior, Normal) for prior in priors)
         return known and not set(self.provenance.data.values()).isdisjoint(hashes)

@@ -29,11 +29,14 @@ from skinlab.discrepancy.table_domes import TableDomes
 from skinlab.discrepancy.text import describe, partial_words
 from skinlab.discrepancy.verdict import decide
 from skinlab.discrepancy.workflow import Partial, explain
+from skinlab.errors import InputError
+from skinlab.io.files import file_hash
 from skinlab.mechanics.effects import library_names
 from skinlab.mechanics.effects.model import Skin, response
 from skinlab.mechanics.fem.suction import Geometry
-from skinlab.mechanics.model_file import BASE, EffectRange, Header, Model, Normal
+from skinlab.mechanics.model_file import BASE, EffectRange, Header, Model, Normal, Provenance
 from skinlab.mechanics.names import effect_words
+from skinlab.recording.load_inputs import read_campaign_or_session
 from skinlab.report.missing_effect import render
 
 SKIN = Skin((0.041, 1.7, 0.31))
@@ -46,6 +49,7 @@ PLAN = (
 )
 RAMPS = (PLAN[0], PLAN[2], PLAN[3])
 RAMP = ((6.0, "ramp:100@20"),)
+_HEADER = ("time_s,pressure_mbar,deflection_mm",)
 
 
 def campaign(effects, plan=PLAN, *, seed=11, stated=True, besides=None):
@@ -188,6 +192,36 @@ def test_the_cache_knows_whether_a_model_was_learned_from_these_data(table, off_
         assert learned.hash == model.hash
         explaining.outcome_of(off_zero, {"0.csv": "sha256:1"}, learned, table)
     assert len(set(asked)) == 2
+
+
+def test_a_campaign_file_used_again_for_new_curves_is_no_curve(tmp_path, monkeypatch, table):
+    """Its hash is in models of earlier versions: they had been learned from all of them."""
+    known = EffectRange(25.0, None, None, Normal(25.0, 1.0))
+    toml = "[campaign]\n[[curve]]\nfile = 'c.csv'\naperture_mm = 6.0\nthickness_mm = 1.0\n"
+    hashes, told = [], []
+
+    def explained(campaign, table, *, model, data, **_):
+        told.append(model.learned_from({*data, *(c.source for c in campaign.curves)}))
+        raise InputError("enough")
+
+    monkeypatch.setattr(explaining.workflow, "explain", explained)
+    for day in ("first", "second"):
+        (tmp_path / day).mkdir()
+        (tmp_path / day / "campaign.toml").write_text(toml)
+        rows = [f"{t},{10 * t},{0.1 * t + (day == 'second')}" for t in range(10)]
+        (tmp_path / day / "c.csv").write_text("\n".join([*_HEADER, *rows]))
+        curves, _ = read_campaign_or_session(tmp_path / day)
+        hashes.append({"campaign.toml": file_hash(tmp_path / day / "campaign.toml")})
+        hashes[-1]["c.csv"] = curves.curves[0].source
+        model = Model(
+            Header("m"),
+            effects={"deflection_offset": {"offset_um": known}},
+            provenance=Provenance(hashes[0]),
+        )
+        with pytest.raises(InputError, match="enough"):
+            explaining.outcome_of(curves, hashes[-1], model, table, cached=False)
+    assert hashes[0]["campaign.toml"] == hashes[1]["campaign.toml"]
+    assert told == [True, False]
 
 
 @pytest.mark.long
