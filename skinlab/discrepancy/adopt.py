@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from datetime import UTC, datetime
-from pathlib import Path
 
 from skinlab.discrepancy.outcome import Outcome
 from skinlab.errors import InputError
-from skinlab.io.files import file_hash
 from skinlab.mechanics.fem.suction import SOLVER_VERSION
 from skinlab.mechanics.model_file import (
     EffectRange,
@@ -96,8 +94,3 @@ def _law_ranges(base: Model) -> dict[str, Range]:
         name: Range(float(low[i]), float(high[i]), "uniform" if kind == "linear" else "log-uniform")
         for i, (name, kind) in enumerate(zip(space.names, space.transforms, strict=True))
     }
-
-
-def hashes(files: Iterable[Path]) -> dict[str, str]:
-    """Return `sha256:…` of each file's bytes, by its name."""
-    return {f.name: file_hash(f) for f in files}

@@ -30,7 +30,6 @@ from skinlab.discrepancy.text import describe, partial_words
 from skinlab.discrepancy.verdict import decide
 from skinlab.discrepancy.workflow import Partial, explain
 from skinlab.errors import InputError
-from skinlab.io.files import file_hash
 from skinlab.mechanics.effects import library_names
 from skinlab.mechanics.effects.model import Skin, response
 from skinlab.mechanics.fem.suction import Geometry
@@ -49,7 +48,6 @@ PLAN = (
 )
 RAMPS = (PLAN[0], PLAN[2], PLAN[3])
 RAMP = ((6.0, "ramp:100@20"),)
-_HEADER = ("time_s,pressure_mbar,deflection_mm",)
 
 
 def campaign(effects, plan=PLAN, *, seed=11, stated=True, besides=None):
@@ -185,43 +183,58 @@ def test_the_cache_knows_whether_a_model_was_learned_from_these_data(table, off_
     monkeypatch.setattr(explaining.cache, "load", lambda name, records: asked.append(name) or name)
     known = EffectRange(25.0, None, None, Normal(25.0, 1.0))
     model = Model(Header("m"), effects={"deflection_offset": {"offset_um": known}})
-    for content in ("sha256:1", "sha256:2"):
+    for content in ("sha256:1", "sha256:2"):  # of one of the curves, and of none
         learned = msgspec.structs.replace(
             model, provenance=msgspec.structs.replace(model.provenance, data={"f.csv": content})
         )
         assert learned.hash == model.hash
-        explaining.outcome_of(off_zero, {"0.csv": "sha256:1"}, learned, table)
+        explaining.outcome_of(off_zero, learned, table)
     assert len(set(asked)) == 2
 
 
+def write_campaign(folder, files, deflection_mm=0.03):
+    lines = ["[campaign]"]
+    for k, file in enumerate(files):
+        rows = [f"{t},{4 * t},{deflection_mm * t + 0.001 * k}" for t in range(25)]
+        (folder / file).parent.mkdir(parents=True, exist_ok=True)
+        (folder / file).write_text("\n".join(["time_s,pressure_mbar,deflection_mm", *rows]))
+        lines += ["[[curve]]", f'file = "{file}"', "aperture_mm = 6.0", "thickness_mm = 1.0"]
+    (folder / "campaign.toml").write_text("\n".join(lines))
+    return read_campaign_or_session(folder)
+
+
 def test_a_campaign_file_used_again_for_new_curves_is_no_curve(tmp_path, monkeypatch, table):
-    """Its hash is in models of earlier versions: they had been learned from all of them."""
-    known = EffectRange(25.0, None, None, Normal(25.0, 1.0))
-    toml = "[campaign]\n[[curve]]\nfile = 'c.csv'\naperture_mm = 6.0\nthickness_mm = 1.0\n"
-    hashes, told = [], []
+    """Its hash is in adopted models: they had been learned from all that it was used for."""
+    told = []
 
     def explained(campaign, table, *, model, data, **_):
         told.append(model.learned_from({*data, *(c.source for c in campaign.curves)}))
         raise InputError("enough")
 
     monkeypatch.setattr(explaining.workflow, "explain", explained)
-    for day in ("first", "second"):
-        (tmp_path / day).mkdir()
-        (tmp_path / day / "campaign.toml").write_text(toml)
-        rows = [f"{t},{10 * t},{0.1 * t + (day == 'second')}" for t in range(10)]
-        (tmp_path / day / "c.csv").write_text("\n".join([*_HEADER, *rows]))
-        curves, _ = read_campaign_or_session(tmp_path / day)
-        hashes.append({"campaign.toml": file_hash(tmp_path / day / "campaign.toml")})
-        hashes[-1]["c.csv"] = curves.curves[0].source
-        model = Model(
-            Header("m"),
-            effects={"deflection_offset": {"offset_um": known}},
-            provenance=Provenance(hashes[0]),
-        )
+    first, hashes = write_campaign(tmp_path / "first", ["c.csv"])
+    second, others = write_campaign(tmp_path / "second", ["c.csv"], 0.04)
+    assert hashes["campaign.toml"] == others["campaign.toml"]
+    known = EffectRange(25.0, None, None, Normal(25.0, 1.0))
+    effects = {"deflection_offset": {"offset_um": known}}
+    model = Model(Header("m"), effects=effects, provenance=Provenance(hashes))
+    for curves in (first, second):
         with pytest.raises(InputError, match="enough"):
-            explaining.outcome_of(curves, hashes[-1], model, table, cached=False)
-    assert hashes[0]["campaign.toml"] == hashes[1]["campaign.toml"]
+            explaining.outcome_of(curves, model, table, cached=False)
     assert told == [True, False]
+
+
+def test_curves_of_one_name_in_two_folders_are_two(tmp_path, monkeypatch, table):
+    """The last one stood for both: an answer came from the cache when the other had changed."""
+    asked = []
+    monkeypatch.setattr(explaining.cache, "load", lambda name, records: asked.append(name) or name)
+    curves, hashes = write_campaign(tmp_path, ["a/d.csv", "b/d.csv"])
+    assert list(hashes) == ["campaign.toml", "a/d.csv", "b/d.csv"]
+    assert hashes["a/d.csv"] == curves.curves[0].source != hashes["b/d.csv"]
+    explaining.outcome_of(curves, BASE, table)
+    (tmp_path / "a/d.csv").write_text((tmp_path / "a/d.csv").read_text().replace("0.3", "0.4"))
+    explaining.outcome_of(read_campaign_or_session(tmp_path)[0], BASE, table)
+    assert len(set(asked)) == 2
 
 
 @pytest.mark.long
