@@ -11,7 +11,7 @@ from skinlab.curves.csv import IMPORT, read_curve
 from skinlab.curves.curve import Curve, Setup
 from skinlab.curves.distinct import check_distinct
 from skinlab.errors import InputError
-from skinlab.io.files import file_hash
+from skinlab.io.files import file_hash, real_path
 
 SESSIONS = frozenset({".h5", ".hdf5"})  # endings of their names
 
@@ -92,9 +92,7 @@ def read_campaign_or_session(path: Path) -> tuple[Campaign, dict[str, str]]:
     suffix = path.suffix.lower()
     if suffix == ".toml":
         campaign = read_campaign(path)
-        named = tuple(
-            replace(c, name=str(Path(c.name).relative_to(path.parent))) for c in campaign.curves
-        )
+        named = tuple(replace(c, name=_within(path.parent, Path(c.name))) for c in campaign.curves)
         check_distinct(named)
         hashes = {path.name: file_hash(path)} | {c.name: c.source for c in named if c.source}
         return replace(campaign, curves=named), hashes
@@ -104,3 +102,10 @@ def read_campaign_or_session(path: Path) -> tuple[Campaign, dict[str, str]]:
         noise = given.noise_um, given.pressure_noise_mbar
         return Campaign(path.stem, *noise, given.curves), {path.name: file_hash(path)}
     raise InputError(f"{path}: expected a campaign (.toml) or a session (.h5)")
+
+
+def _within(folder: Path, file: Path) -> str:
+    """Return how a campaign's folder calls one of its files, also where it states a whole path."""
+    if file.is_relative_to(folder):
+        return str(file.relative_to(folder))
+    return str(real_path(file).relative_to(real_path(folder)))

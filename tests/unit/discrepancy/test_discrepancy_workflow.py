@@ -237,6 +237,15 @@ def test_curves_of_one_name_in_two_folders_are_two(tmp_path, monkeypatch, table)
     assert len(set(asked)) == 2
 
 
+def test_a_whole_path_in_a_campaign_that_is_named_from_here(tmp_path, monkeypatch):
+    """It was an internal error."""
+    write_campaign(tmp_path / "c", ["d.csv"])
+    monkeypatch.chdir(tmp_path)
+    toml = Path("c/campaign.toml")
+    toml.write_text(toml.read_text().replace("d.csv", f"{tmp_path / 'c' / 'd.csv'}"))
+    assert [c.name for c in read_campaign_or_session(Path("c"))[0].curves] == ["d.csv"]
+
+
 @pytest.mark.long
 def test_who_interrupts_keeps_every_fit_that_was_done(table, off_zero):
     partial, said = Partial(), []
