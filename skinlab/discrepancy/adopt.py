@@ -16,6 +16,7 @@ from skinlab.mechanics.model_file import (
     Provenance,
     Range,
 )
+from skinlab.mechanics.model_plugins import plugins_of
 from skinlab.versions import __version__
 
 ADOPTED = 0.1  # of its size an effect differs at least: stiffness does by 6 to 12 % from day to day
@@ -60,13 +61,14 @@ def adopted(
         if known.effect in effects and not known.stated:  # what is fixed: a function's range
             effects[known.effect].setdefault(known.parameter, EffectRange(known.value))
     names = " and ".join(sorted(set(effects) - set(base.effects)))
+    versions = {"skinlab": __version__, "solver": SOLVER_VERSION, "database": database_hash}
     return Model(
         Header(f"{base.model.name} with {names}", base.model.law, base.model.kappa),
         dict(base.parameters) or _law_ranges(base),
         effects,
         Provenance(
             _all_data(base, data),
-            {"skinlab": __version__, "solver": SOLVER_VERSION, "database": database_hash},
+            versions | plugins_of(base.model.law, effects),
             outcome.verdict.name,
             now.astimezone(UTC).date().isoformat(),
             base.hash,
