@@ -42,7 +42,7 @@ from skinlab.io.documents import decode, read_toml, toml_text
 from skinlab.mechanics.effects import checked, get_effect
 from skinlab.mechanics.materials import DEFAULT_LAW, Law, get_law
 from skinlab.mechanics.materials.compressibility import KappaConvention
-from skinlab.mechanics.model_plugins import what_differs
+from skinlab.mechanics.model_plugins import check_installed, what_differs
 from skinlab.parameters import Space
 from skinlab.plugins import warn
 
@@ -250,6 +250,7 @@ def model_of(said: Mapping[str, Any]) -> Model:
     """
     _check_entries(said)
     model = decode(said, Model)
+    check_installed(model.model.law, model.effects, model.provenance.versions)
     try:
         check_model(model)
     except InputError as error:

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 
+from skinlab.errors import InputError
 from skinlab.mechanics.effects import EFFECTS
 from skinlab.mechanics.materials import LAWS
 from skinlab.plugins import Origin
-from skinlab.versions import only_plugins, plugin_versions, plugin_words
+from skinlab.versions import missing_plugins, only_plugins, plugin_versions, plugin_words
 
 _ADOPTED = "the model was adopted"
 
@@ -15,6 +16,24 @@ _ADOPTED = "the model was adopted"
 def plugins_of(law: str, effects: Iterable[str]) -> dict[str, str]:
     """Return the versions of the plugins that a law and effects are from, as records state them."""
     return plugin_versions(_origins(law, effects).values())
+
+
+def check_installed(law: str, effects: Iterable[str], stated: Mapping[str, str]) -> None:
+    """Refuse a model whose law or effect is from a plugin that is not installed.
+
+    `stated` are the versions that it was adopted with.
+
+    Raises:
+        InputError: names what is missing, and the plugin.
+    """
+    missing = missing_plugins(stated, _ADOPTED)
+    if not missing:
+        return
+    if law not in LAWS.names():
+        raise InputError(f"model.law: law {law!r} is not known: {missing}")
+    for name in effects:
+        if name not in EFFECTS.names():
+            raise InputError(f"effects.{name} is not known: {missing}")
 
 
 def what_differs(law: str, effects: Iterable[str], stated: Mapping[str, str]) -> str:

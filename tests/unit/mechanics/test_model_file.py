@@ -289,3 +289,13 @@ def test_an_effect_of_another_plugin_is_told(tmp_path, installed, capsys, packag
     assert model.values == {"seal_leak": {"leak_mbar": 3.0}}
     with pytest.raises(InputError, match=r"leak_um is not known; .* is of plugin"):
         read_model(written(tmp_path, LEAK.replace("leak_mbar", "leak_um")))
+
+
+def test_an_effect_of_a_plugin_that_is_gone_is_told_with_the_plugin(tmp_path):
+    path = written(tmp_path, LEAK)
+    with pytest.raises(InputError) as told:
+        read_model(path)
+    assert str(told.value) == (
+        f"{path}: effects.seal_leak is not known: the model was adopted with the plugin sealed "
+        "0.1.0, which is not installed here"
+    )
