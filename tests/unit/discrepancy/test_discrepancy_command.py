@@ -247,6 +247,17 @@ def test_a_sensor_that_is_dead_is_nothing_to_be_learned(campaign, capsys):
     )
 
 
+def test_a_thickness_outside_the_database_is_told_as_identify_tells_it(campaign, capsys):
+    """It was "the model has no answer for these curves"."""
+    toml = campaign / "campaign.toml"
+    toml.write_text(toml.read_text().replace("thickness_mm = 1.0", "thickness_mm = 9.0"))
+    assert run(["identify", str(toml)]) == 5
+    told = capsys.readouterr().err.replace(f"{campaign}/", "")
+    assert "1.csv: thickness/radius 9 is outside the database" in told
+    assert run(["discrepancy", str(toml), "--workers", "1"]) == 5
+    assert capsys.readouterr() == ("", told)
+
+
 def test_suction_that_is_recorded_as_negative_is_refused(campaign, capsys):
     header, *rows = (campaign / "1.csv").read_text().splitlines()
     cells = [row.split(",") for row in rows]
