@@ -2,6 +2,7 @@
 
 import json
 import pickle
+import re
 from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
@@ -17,6 +18,7 @@ from skinlab.curves.curve import Curve, Setup
 from skinlab.curves.pressure_path import PressurePath
 from skinlab.curves.program import parse_program
 from skinlab.discrepancy import cache
+from skinlab.discrepancy.adequacy import Place
 from skinlab.discrepancy.adopt import adopted
 from skinlab.discrepancy.fit import Fitter
 from skinlab.discrepancy.heldout import HeldOut
@@ -26,7 +28,7 @@ from skinlab.discrepancy.posterior import gaussian
 from skinlab.discrepancy.records import records_of, without
 from skinlab.discrepancy.search import Search
 from skinlab.discrepancy.table_domes import TableDomes
-from skinlab.discrepancy.text import describe, partial_words
+from skinlab.discrepancy.text import describe, partial_words, where_words
 from skinlab.discrepancy.verdict import decide
 from skinlab.discrepancy.workflow import Partial, explain
 from skinlab.errors import InputError
@@ -384,6 +386,18 @@ def test_what_was_left_out_is_told_and_kept(off_zero, explained, tmp_path):
     assert f"Left out, as glitches that belong to no curve: 1 sample of {name}." in describe(again)
     of_means = [replace(r, coarse=8, glitches=2) for r in found.records]
     assert replace(again.found, records=of_means[:1]).left_out == {name: 10}
+
+
+def test_the_report_knows_no_minus_zero(explained):
+    """The screen's table had "-0" as a misfit."""
+    found = explained.found
+    little = {n: replace(s, gain=-0.2, absorbed=-1e-4) for n, s in found.signatures.items()}
+    said = render(replace(explained, found=replace(found, signatures=little)))
+    assert ">0</td>" in said
+    assert ">0 %</td>" in said
+    assert not re.search(r"-0(\.0*)?( |%|<)", said)
+    place = Place("c.csv", "load", (-0.3, 9.0), (-0.01, 1.0), -0.04, 3.0, 0.5)
+    assert where_words(place).startswith("c.csv, load, 0–9 mbar, 0.0–1.0 s: +0.0 µm")
 
 
 def test_a_cache_runs_nothing(tmp_path):
