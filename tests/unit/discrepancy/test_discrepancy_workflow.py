@@ -32,11 +32,12 @@ from skinlab.discrepancy.text import describe, partial_words, where_words
 from skinlab.discrepancy.verdict import decide
 from skinlab.discrepancy.workflow import Partial, explain
 from skinlab.errors import InputError
-from skinlab.mechanics.effects import library_names
+from skinlab.mechanics.effects import EFFECTS, library_names
 from skinlab.mechanics.effects.model import Skin, response
 from skinlab.mechanics.fem.suction import Geometry
 from skinlab.mechanics.model_file import BASE, EffectRange, Header, Model, Normal, Provenance
 from skinlab.mechanics.names import effect_words
+from skinlab.plugins import Origin
 from skinlab.recording.load_inputs import read_campaign_or_session
 from skinlab.report.missing_effect import render
 
@@ -386,6 +387,16 @@ def test_what_was_left_out_is_told_and_kept(off_zero, explained, tmp_path):
     assert f"Left out, as glitches that belong to no curve: 1 sample of {name}." in describe(again)
     of_means = [replace(r, coarse=8, glitches=2) for r in found.records]
     assert replace(again.found, records=of_means[:1]).left_out == {name: 10}
+
+
+def test_an_adopted_model_says_which_plugins_it_needs(explained, monkeypatch):
+    here = {"offsets": "1.0 0123456789ab", "other": "2.0 ab0123456789"}
+    monkeypatch.setattr("skinlab.versions.installed", lambda: here)
+    monkeypatch.setattr(EFFECTS, "origin", {"deflection_offset": Origin("offsets", "1.0")}.get)
+    now = datetime(2026, 1, 1, tzinfo=UTC)
+    model = adopted(BASE, explained, data={}, database_hash="sha256:0", now=now)
+    assert set(model.provenance.versions) == {"skinlab", "solver", "database", "plugin offsets"}
+    assert model.provenance.versions["plugin offsets"] == "1.0 0123456789ab"
 
 
 def test_the_report_knows_no_minus_zero(explained):
