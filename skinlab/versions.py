@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import hashlib
 import platform
+from collections.abc import Iterable, Mapping
 from functools import cache
 from importlib.metadata import version
 from pathlib import Path
 
-from skinlab.plugins import installed
+from skinlab.plugins import Origin, installed
 
 __version__ = "0.2.0"
 
@@ -35,8 +36,31 @@ def software() -> dict[str, str]:
     return {"code": code_hash()} | {f"{_PLUGIN}{name}": v for name, v in installed().items()}
 
 
-def missing_plugins(stated: object) -> str:
-    """Return in words which plugins of a record's `versions` are not installed; empty: none."""
+def only_plugins(stated: Mapping[str, str]) -> dict[str, str]:
+    """Return the part of a record's `versions` that is about plugins."""
+    return {name: version for name, version in stated.items() if name.startswith(_PLUGIN)}
+
+
+def plugin_versions(origins: Iterable[Origin | None]) -> dict[str, str]:
+    """Return the part of `versions` about the plugins that extensions are from; None: built in."""
+    here = installed()
+    return {f"{_PLUGIN}{o.distribution}": here[o.distribution] for o in origins if o is not None}
+
+
+def plugin_words(stated: Mapping[str, str]) -> str:
+    """Return in words which plugins, of which version and with which source files."""
+    found = []
+    for name, said in only_plugins(stated).items():
+        version, _, sources = said.partition(" ")
+        found.append(f"{name} {version}" + (f" (source files {sources})" if sources else ""))
+    return " and ".join(found)
+
+
+def missing_plugins(stated: object, what: str = "it was recorded") -> str:
+    """Return in words which plugins of a record's `versions` are not installed; empty: none.
+
+    `what` was done with them: how the sentence begins.
+    """
     if not isinstance(stated, dict):
         return ""
     here = installed()
@@ -46,7 +70,7 @@ def missing_plugins(stated: object) -> str:
         return ""
     one = len(missing) == 1
     return (
-        f"it was recorded with the plugin{'' if one else 's'} {', '.join(missing)}, which "
+        f"{what} with the plugin{'' if one else 's'} {', '.join(missing)}, which "
         f"{'is' if one else 'are'} not installed here"
     )
 

@@ -8,7 +8,7 @@ from itertools import count
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from skinlab.io.files import write_file
+from skinlab.io.files import file_hash, write_file
 from skinlab.mechanics.model_file import Model
 
 if TYPE_CHECKING:
@@ -29,9 +29,11 @@ def write_adopted(
     Raises:
         InputError: the verdict names no effect, or the file cannot be written.
     """
-    from skinlab.discrepancy.adopt import adopted, hashes  # slow to import
+    from skinlab.discrepancy.adopt import adopted  # slow to import
 
-    data = hashes([session]) if session is not None and session.is_file() else {}
+    data = {}
+    if session is not None and session.is_file():
+        data[session.name] = file_hash(session)
     model = adopted(base, outcome, data=data, database_hash=database.content_hash, now=now)
     names = "-".join(e for e in outcome.best.effects if e not in outcome.found.base.effects)
     stem = "model" if session is None else session.stem

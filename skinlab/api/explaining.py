@@ -55,7 +55,6 @@ def _hash(text: str, *arrays: bytes) -> str:
 
 def outcome_of(
     campaign: Campaign,
-    data: Mapping[str, str],
     base: Model,
     table: Table,
     *,
@@ -66,8 +65,7 @@ def outcome_of(
 ) -> Outcome:
     """Return what the workflow finds, from the cache where nothing has changed.
 
-    data: hashes of what was explained, by name. workers: processes; None: one a core. The answer
-    is the same for any number.
+    workers: processes; None: one a core. The answer is the same for any number.
 
     Raises:
         InputError: the curves or the model cannot be explained.
@@ -76,11 +74,11 @@ def outcome_of(
     if workers is not None and workers < 1:
         raise InputError(f"workers {workers}: expected 1 or more")
     check_distinct(campaign.curves)
-    parts = (f"{name} {content}" for name, content in data.items())
     stated = repr((campaign.noise_um, campaign.pressure_noise_mbar, campaign.placement_scatter))
     probes = ("" if c.probe is None else f"probe {c.probe.hash}" for c in campaign.curves)
-    learned = f"learned from these: {base.learned_from(data.values())}"
-    name = cache.key([base.hash, learned, table.content_hash, *parts, stated, *probes])
+    curves = hashes_of(campaign).values()
+    learned = f"learned from these: {base.learned_from(curves)}"
+    name = cache.key([base.hash, learned, table.content_hash, *curves, stated, *probes])
     known = cache.load(name, records_of(campaign)) if cached else None
     if known is not None:
         return known
@@ -89,7 +87,7 @@ def outcome_of(
         table,
         model=base,
         workers=workers or os.cpu_count() or 1,
-        data=data.values(),
+        data=curves,
         progress=progress,
         partial=workflow.Partial() if partial is None else partial,
     )

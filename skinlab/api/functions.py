@@ -278,9 +278,9 @@ def explain(
     if not isinstance(campaign, campaigns.Campaign):
         campaign = read_campaign(campaign)
     table = find_table(database)
-    base, data = base_model(model, table), hashes_of(campaign)
-    outcome = outcome_of(campaign, data, base, table, workers=workers, cached=cached)
-    return Explanation(outcome, base, table, data)
+    base = base_model(model, table)
+    outcome = outcome_of(campaign, base, table, workers=workers, cached=cached)
+    return Explanation(outcome, base, table, hashes_of(campaign))
 
 
 @checked

@@ -80,11 +80,10 @@ def command(
     from skinlab.api.explaining import adopt as write_adopted
     from skinlab.api.explaining import base_model, outcome_of
     from skinlab.api.identifiers import find_table
-    from skinlab.discrepancy.adopt import hashes
     from skinlab.discrepancy.workflow import Partial
     from skinlab.recording.load_inputs import read_campaign_or_session
 
-    curves, files = read_campaign_or_session(campaign)
+    curves, data = read_campaign_or_session(campaign)
     table = find_table(database_path)
     base = base_model(model_path, table)
     curves = replace(
@@ -92,12 +91,10 @@ def command(
         curves=read_by(curves.curves, probe_path),
         placement_scatter=scatter_of(placement_scatter, curves.placement_scatter),
     )
-    data = hashes(files)
     partial = Partial()
     try:
         outcome = outcome_of(
             curves,
-            data,
             base,
             table,
             workers=workers,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
@@ -16,6 +17,7 @@ from skinlab.curves.program_check import check_program
 from skinlab.errors import InputError
 from skinlab.io.documents import decode, read_toml
 from skinlab.io.files import real_path
+from skinlab.plugins import warn
 
 
 class _Header(msgspec.Struct, forbid_unknown_fields=True):
@@ -108,6 +110,7 @@ def read_campaign(path: Path) -> Campaign:
             curve, campaign=str(folder), noise_um=noise, pressure_noise_mbar=pressure_noise
         )
         curves.append(check_program(known))
+    _ask_about_labels(path, [entry.placement for entry in data.curve])
     return Campaign(
         data.campaign.title,
         data.campaign.noise_um,
@@ -115,3 +118,17 @@ def read_campaign(path: Path) -> Campaign:
         tuple(curves),
         scatter,
     )
+
+
+def _ask_about_labels(path: Path, labels: Iterable[str | None]) -> None:
+    """Warn of labels of placements that may be meant as one: they count as they are written."""
+    alike: dict[str, list[str]] = {}
+    for label in dict.fromkeys(one for one in labels if one is not None):
+        alike.setdefault(label.strip().casefold(), []).append(label)
+    for written in alike.values():
+        if len(written) > 1:
+            names = " and ".join(repr(label) for label in written)
+            warn(
+                f"{path}: placements {names} are counted as {len(written)}; write them alike where "
+                "they are one"
+            )

@@ -19,6 +19,7 @@ from drivers.reading import read_whole
 from skinlab.curves.curve import Curve, Setup
 from skinlab.curves.settings import SAMPLES
 from skinlab.errors import InputError
+from skinlab.plugins import warn
 from skinlab.text import counted
 
 COLUMNS = ("time_s", "pressure_mbar", "deflection_mm")
@@ -32,6 +33,7 @@ def read_curve(path: Path, setup: Setup) -> Curve:
     """Return the curve in this file.
 
     With the indices of a column `segment`, if it has one and the setup the program that it is of.
+    Warns of times that seem to be milliseconds.
 
     Raises:
         InputError: no such file, no UTF-8, a missing column, a value that is no finite number, a
@@ -55,7 +57,19 @@ def read_curve(path: Path, setup: Setup) -> Curve:
     data = np.array(rows)
     source = "sha256:" + hashlib.sha256(content).hexdigest()
     segment = None if setup.program is None else _segments(more, len(setup.program.segments))
+    if setup.program is None:  # else the program tells
+        _ask_about_clock(path, data[:, 0])
     return Curve(str(path), setup, data[:, 0], data[:, 1], data[:, 2], segment, source=source)
+
+
+def _ask_about_clock(path: Path, time_s: NDArray[np.float64]) -> None:
+    """Warn of times that are likely to be milliseconds: a slow rig may have such a clock."""
+    step, whole = float(np.median(np.diff(time_s))), float(time_s[-1] - time_s[0])
+    if step >= SAMPLES.slow_s:
+        warn(
+            f"{path}: time_s has a sample every {step:g} s, and {whole:.0f} s in all; is it in "
+            "milliseconds?"
+        )
 
 
 def _segments(texts: Sequence[str], count: int) -> NDArray[np.intp] | None:

@@ -15,6 +15,8 @@ class SampleRules:
 
     fewest: int = 5
     """Samples: of fewer nothing is fitted."""
+    slow_s: float = 4.0
+    """Between two samples: probes read 10 to 200 times a second, which in ms is 5 to 100."""
     most_simulated: int = 300_000
     """Samples: they take 900 MB. A hundred cycles of a minute on and one off at 20 Hz are fewer."""
 

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from datetime import UTC, datetime
-from pathlib import Path
 
 from skinlab.discrepancy.outcome import Outcome
 from skinlab.errors import InputError
-from skinlab.io.files import file_hash
 from skinlab.mechanics.fem.suction import SOLVER_VERSION
 from skinlab.mechanics.model_file import (
     EffectRange,
@@ -18,6 +16,7 @@ from skinlab.mechanics.model_file import (
     Provenance,
     Range,
 )
+from skinlab.mechanics.model_plugins import plugins_of
 from skinlab.versions import __version__
 
 ADOPTED = 0.1  # of its size an effect differs at least: stiffness does by 6 to 12 % from day to day
@@ -62,13 +61,14 @@ def adopted(
         if known.effect in effects and not known.stated:  # what is fixed: a function's range
             effects[known.effect].setdefault(known.parameter, EffectRange(known.value))
     names = " and ".join(sorted(set(effects) - set(base.effects)))
+    versions = {"skinlab": __version__, "solver": SOLVER_VERSION, "database": database_hash}
     return Model(
         Header(f"{base.model.name} with {names}", base.model.law, base.model.kappa),
         dict(base.parameters) or _law_ranges(base),
         effects,
         Provenance(
             _all_data(base, data),
-            {"skinlab": __version__, "solver": SOLVER_VERSION, "database": database_hash},
+            versions | plugins_of(base.model.law, effects),
             outcome.verdict.name,
             now.astimezone(UTC).date().isoformat(),
             base.hash,
@@ -96,8 +96,3 @@ def _law_ranges(base: Model) -> dict[str, Range]:
         name: Range(float(low[i]), float(high[i]), "uniform" if kind == "linear" else "log-uniform")
         for i, (name, kind) in enumerate(zip(space.names, space.transforms, strict=True))
     }
-
-
-def hashes(files: Iterable[Path]) -> dict[str, str]:
-    """Return `sha256:…` of each file's bytes, by its name."""
-    return {f.name: file_hash(f) for f in files}

@@ -15,6 +15,7 @@ from skinlab.curves.corrected import corrected
 from skinlab.curves.curve import Curve
 from skinlab.curves.pressure_glitches import pressure_glitches
 from skinlab.curves.pressure_path import PressurePath
+from skinlab.curves.settings import SUCTION
 from skinlab.curves.suction import check_dome, check_height, check_suction
 from skinlab.discrepancy.settings import ERRORS
 from skinlab.errors import InputError
@@ -105,8 +106,8 @@ def records_of(campaign: Campaign, *, every: bool = False) -> list[Record]:
     `every` one has been chosen already.
 
     Raises:
-        InputError: a curve is too short, its suction is recorded as negative, its deflection is
-            the same at every suction, or higher than its opening is wide; names it.
+        InputError: a curve is too short, its suction is recorded as negative, or none, its
+            deflection is the same at every suction, or higher than its opening is wide; names it.
     """
     found = []
     for curve, placement in zip(campaign.curves, placements_of(campaign.curves), strict=True):
@@ -121,6 +122,7 @@ def records_of(campaign: Campaign, *, every: bool = False) -> list[Record]:
         true = true.only(~bad) if bad.any() else true
         one = _record(true, campaign.noise_um, campaign.pressure_noise_mbar)
         found.append(replace(one, placement=placement, glitches=int(bad.sum())))
+    _check_sucked(found)
     if campaign.noise_um is None:
         # A lone curve's roughness is known to a tenth only: one instrument, one noise.
         weights = [float(len(r.curve)) for r in found]
@@ -132,6 +134,24 @@ def records_of(campaign: Campaign, *, every: bool = False) -> list[Record]:
         noise = max(float(np.sqrt(np.average(squares, weights=weights))), ERRORS.rounding_um)
         found = [replace(r, noise_um=noise) for r in found]
     return found
+
+
+def _check_sucked(records: Sequence[Record]) -> None:
+    """Refuse a curve without suction, unless its program is a rest of what others suck at.
+
+    Raises:
+        InputError: so it is, as of a pressure channel that is dead; names the curve.
+    """
+    sucked = {r.geometry for r in records if r.path.top_mbar > SUCTION.about_zero_mbar}
+    for record in records:
+        curve, program = record.curve, record.curve.setup.program
+        rests = program is not None and program.max_pressure_mbar <= 0
+        if record.path.top_mbar > SUCTION.about_zero_mbar or (rests and record.geometry in sucked):
+            continue
+        raise InputError(
+            f"{curve.name}: pressure_mbar goes no higher than {curve.pressure_mbar.max() + 0.0:g}; "
+            "expected a suction"
+        )
 
 
 def _record(curve: Curve, noise_um: float | None, pressure_noise: float | None) -> Record:

@@ -127,9 +127,9 @@ def function_rows(outcome: Outcome) -> list[tuple[str, str, str]]:
     at = np.unique(np.linspace(0, n - 1, min(n, _ROWS)).round().astype(int))
     return [
         (
-            f"{learned.x[i]:.3g}",
-            f"{learned.y[i]:.3g}",
-            f"{learned.low[i]:.3g} to {learned.high[i]:.3g}",
+            f"{learned.x[i]:z.3g}",
+            f"{learned.y[i]:z.3g}",
+            f"{learned.low[i]:z.3g} to {learned.high[i]:z.3g}",
         )
         for i in at
     ]
@@ -257,8 +257,8 @@ def where_words(place: Place) -> str:
     begin, end = place.time_s
     chance = f"; {chance_words(place.p_value)}" if place.p_value < _BY_CHANCE else ""
     return (
-        f"{inert(place.file)}, {place.phase}, {low}–{high} mbar, {begin:.1f}–{end:.1f} s: "
-        f"{place.mean_um:+.1f} µm on average (noise {place.noise_um:.1f} µm a sample{chance})"
+        f"{inert(place.file)}, {place.phase}, {low}–{high} mbar, {begin:z.1f}–{end:z.1f} s: "
+        f"{place.mean_um:+z.1f} µm on average (noise {place.noise_um:.1f} µm a sample{chance})"
     )
 
 
@@ -455,4 +455,4 @@ def _name(candidate: Candidate, own: set[str]) -> str:
 
 
 def _value(v: dict[str, float] | None) -> str:
-    return "" if v is None else f"{v['value']:.4g}  ({v['low']:.4g} to {v['high']:.4g})"
+    return "" if v is None else f"{v['value']:z.4g}  ({v['low']:z.4g} to {v['high']:z.4g})"

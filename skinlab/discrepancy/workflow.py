@@ -60,11 +60,12 @@ def explain(
     the database cannot answer stay approximate. `partial` is told of what is known so far. The
     answer is the same for any number of workers; `seed` is that of the draws from the posterior.
     Where effects of the model were learned from a file of these curves, or from `data` (`sha256:…`
-    each), what the model says of their size is left aside: the curves count once.
+    of what each curve says), what the model says of their size is left aside: they count once.
 
     Raises:
         InputError: a curve is too short, the database is of another law, or of one opening only.
-        NotTrustworthyError: the model has no answer for these curves at all.
+        NotTrustworthyError: the thickness of a curve is outside the database, or the model has no
+            answer for these curves at all.
     """
     check_law_of(database, model.model.law)
     if database.fixed_geometry is not None:
@@ -77,6 +78,8 @@ def explain(
     if learned_from_these:
         model = model.without_learned()
     records = [coarsened(r, ERRORS.coarse_hz) for r in records_of(campaign)]
+    for curve in campaign.curves:
+        database.covers(curve)  # names a curve whose thickness it does not speak of
     fitter = Fitter(
         records, errors_of(records), TableDomes(database), finite_elements=finite_elements
     )

@@ -42,7 +42,9 @@ from skinlab.io.documents import decode, read_toml, toml_text
 from skinlab.mechanics.effects import checked, get_effect
 from skinlab.mechanics.materials import DEFAULT_LAW, Law, get_law
 from skinlab.mechanics.materials.compressibility import KappaConvention
+from skinlab.mechanics.model_plugins import check_installed, what_differs
 from skinlab.parameters import Space
+from skinlab.plugins import warn
 
 T = TypeVar("T")
 
@@ -85,7 +87,7 @@ class Provenance(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """[provenance]: what the effects were found in, by what, and when."""
 
     data: dict[str, str] = field(default_factory=dict)  # file -> sha256
-    versions: dict[str, str] = field(default_factory=dict)  # program -> version
+    versions: dict[str, str] = field(default_factory=dict)  # program, plugin -> version
     verdict: str = ""
     date: str = ""  # ISO 8601
     based_on: str = ""  # hash of the model that the effects were added to
@@ -168,7 +170,11 @@ class Model(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         return self.effects[effect][parameter].prior
 
     def learned_from(self, hashes: Collection[str]) -> bool:
-        """Return whether effects' priors were learned from data with one of these hashes."""
+        """Return whether effects' priors were learned from data with one of these hashes.
+
+        The hashes are of curves. Models of earlier versions hold their campaign.toml's as well,
+        which says nothing: it stays the same when its curves are others.
+        """
         priors = [at.prior for each in self.effects.values() for at in each.values()]
         known = any(isinstance(prior, Normal) for prior in priors)
         return known and not set(self.provenance.data.values()).isdisjoint(hashes)
@@ -180,6 +186,11 @@ class Model(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
             for name, each in self.effects.items()
         }
         return msgspec.structs.replace(self, effects=effects)
+
+    @property
+    def differs(self) -> str:
+        """In words: which law or effect may be another one than at adoption; empty: none."""
+        return what_differs(self.model.law, self.effects, self.provenance.versions)
 
     @property
     def hash(self) -> str:
@@ -203,7 +214,7 @@ def model_of_law(name: str) -> Model:
 
 
 def read_model(path: str | Path) -> Model:
-    """Return the model of this file.
+    """Return the model of this file; warn where a plugin of it is another one than at adoption.
 
     Raises:
         InputError: it cannot be read, or something in it is not known, missing or out of range; the
@@ -213,7 +224,10 @@ def read_model(path: str | Path) -> Model:
         raw = read_whole(path)
     except OSError as error:
         raise InputError(f"{path}: {error.strerror or error}") from None
-    return decode_model(raw, str(path))
+    model = decode_model(raw, str(path))
+    if differs := model.differs:
+        warn(f"{path}: {differs}")
+    return model
 
 
 def decode_model(raw: bytes | str, path: str) -> Model:
@@ -236,7 +250,12 @@ def model_of(said: Mapping[str, Any]) -> Model:
     """
     _check_entries(said)
     model = decode(said, Model)
-    check_model(model)
+    check_installed(model.model.law, model.effects, model.provenance.versions)
+    try:
+        check_model(model)
+    except InputError as error:
+        differs = model.differs  # another package's effect has other parameters, too
+        raise InputError(f"{error}{f'; {differs}' if differs else ''}") from None
     return model
 
 

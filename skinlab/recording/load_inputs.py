@@ -11,6 +11,7 @@ from skinlab.curves.csv import IMPORT, read_curve
 from skinlab.curves.curve import Curve, Setup
 from skinlab.curves.distinct import check_distinct
 from skinlab.errors import InputError
+from skinlab.io.files import file_hash, real_path
 
 SESSIONS = frozenset({".h5", ".hdf5"})  # endings of their names
 
@@ -76,8 +77,10 @@ def import_advice(paths: Iterable[Path]) -> str:
     return "" if first is None else f"; {first} is none of these: {IMPORT}"
 
 
-def read_campaign_or_session(path: Path) -> tuple[Campaign, list[Path]]:
-    """Return the curves that are explained together, and the files they are from.
+def read_campaign_or_session(path: Path) -> tuple[Campaign, dict[str, str]]:
+    """Return the curves that are explained together, and the hash of each file they are from.
+
+    Files are called as the campaign calls them: those of two folders may have one name.
 
     Raises:
         InputError: the file cannot be read, is neither, or has a curve twice.
@@ -89,14 +92,20 @@ def read_campaign_or_session(path: Path) -> tuple[Campaign, list[Path]]:
     suffix = path.suffix.lower()
     if suffix == ".toml":
         campaign = read_campaign(path)
-        named = tuple(
-            replace(c, name=str(Path(c.name).relative_to(path.parent))) for c in campaign.curves
-        )
+        named = tuple(replace(c, name=_within(path.parent, Path(c.name))) for c in campaign.curves)
         check_distinct(named)
-        return replace(campaign, curves=named), [path, *(path.parent / c.name for c in named)]
+        hashes = {path.name: file_hash(path)} | {c.name: c.source for c in named if c.source}
+        return replace(campaign, curves=named), hashes
     if suffix in SESSIONS:
         given = read_input(path, None)
         check_distinct(given.curves)
         noise = given.noise_um, given.pressure_noise_mbar
-        return Campaign(path.stem, *noise, given.curves), [path]
+        return Campaign(path.stem, *noise, given.curves), {path.name: file_hash(path)}
     raise InputError(f"{path}: expected a campaign (.toml) or a session (.h5)")
+
+
+def _within(folder: Path, file: Path) -> str:
+    """Return how a campaign's folder calls one of its files, also where it states a whole path."""
+    if file.is_relative_to(folder):
+        return str(file.relative_to(folder))
+    return str(real_path(file).relative_to(real_path(folder)))

@@ -161,7 +161,7 @@ def _which(outcome: Outcome) -> Section:
         for c, odds in zip(candidates, each_behind(behind_best(candidates, own)), strict=True)
     ]
     screen = [
-        [effect_words(s.effect), f"{s.gain:.0f}", f"{100 * s.absorbed:.0f} %"]
+        [effect_words(s.effect), f"{s.gain:z.0f}", f"{100 * s.absorbed:z.0f} %"]
         for s in sorted(outcome.found.signatures.values(), key=lambda s: -s.gain)
     ]
     tables = [

@@ -58,6 +58,24 @@ def test_a_label_of_a_placement_is_local_to_its_campaign(tmp_path):
 
 
 @pytest.mark.parametrize(
+    ("other", "told"),
+    [
+        ("A", "placements 'a' and 'A' are counted as 2; write them alike where they are one"),
+        (" a", "placements 'a' and ' a' are counted as 2; write them alike where they are one"),
+        ("b", None),
+        ("a", None),
+    ],
+)
+def test_labels_of_placements_that_are_nearly_alike_are_told(tmp_path, capsys, other, told):
+    entry = CAMPAIGN[CAMPAIGN.index("[[curve]]") :]
+    said = CAMPAIGN.rstrip() + '\nplacement = "a"\n' + 2 * f'{entry}placement = "{other}"\n'
+    path = write(tmp_path, said)
+    curves = read_campaign(path).curves
+    assert len(set(placements_of(curves))) == (1 if other == "a" else 2)
+    assert capsys.readouterr().err == (f"skinlab: {path}: {told}\n" if told else "")
+
+
+@pytest.mark.parametrize(
     ("old", "new", "says"),
     [
         ("noise_um = 3.0", "noise_um = -1", "campaign.noise_um is -1"),

@@ -26,6 +26,25 @@ def test_reads_what_it_writes(tmp_path):
         np.testing.assert_allclose(getattr(again, name), getattr(curve, name), rtol=1e-8)
 
 
+@pytest.mark.parametrize(
+    ("step_s", "told"),
+    [
+        (50.0, "time_s has a sample every 50 s, and 250 s in all; is it in milliseconds?"),
+        (5.0, "time_s has a sample every 5 s, and 25 s in all; is it in milliseconds?"),
+        (1.0, None),
+        (0.005, None),
+    ],
+)
+def test_times_in_milliseconds_are_asked_about(tmp_path, capsys, step_s, told):
+    """A search for what is missing in such curves had not ended in minutes."""
+    path = tmp_path / "c.csv"
+    path.write_text(HEADER + "".join(f"{step_s * i},{2 * i},{0.01 * i}\n" for i in range(6)))
+    assert len(read_curve(path, Setup(6, 1))) == 6
+    assert capsys.readouterr().err == (f"skinlab: {path}: {told}\n" if told else "")
+    read_curve(path, Setup(6, 1, parse_program("ramp:10@20")))  # a campaign refuses it by that
+    assert capsys.readouterr().err == ""
+
+
 def test_other_columns_order_bom_and_blank_lines_are_fine(tmp_path):
     path = tmp_path / "c.csv"
     rows = "\n".join(f"{i},x,{0.1 * i},{0.01 * i}" for i in range(6))

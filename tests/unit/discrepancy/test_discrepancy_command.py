@@ -247,6 +247,33 @@ def test_a_sensor_that_is_dead_is_nothing_to_be_learned(campaign, capsys):
     )
 
 
+@pytest.mark.parametrize("noise_mbar", [0.0, 0.3])
+def test_a_pressure_channel_that_is_dead_is_told(campaign, capsys, noise_mbar):
+    """It was a RuntimeWarning, and "the model has no answer for these curves"."""
+    toml = campaign / "campaign.toml"
+    toml.write_text(toml.read_text().replace('program = "ramp:200@40"', ""))
+    header, *rows = (campaign / "1.csv").read_text().splitlines()
+    read = np.random.default_rng(5).normal(0.0, 1.0, len(rows)).clip(-2.0, 2.0) * noise_mbar
+    cells = [row.split(",") for row in rows]
+    lines = [f"{t},{p:.2f},{w}" for (t, _, w), p in zip(cells, read, strict=True)]
+    (campaign / "1.csv").write_text("\n".join([header, *lines]))
+    assert run(["discrepancy", str(campaign), "--workers", "1"]) == 3
+    highest = max(float(f"{p:.2f}") for p in read) + 0.0  # and not -0
+    said = f"1.csv: pressure_mbar goes no higher than {highest:g}; expected a suction"
+    assert capsys.readouterr() == ("", f"skinlab: {said}\n")
+
+
+def test_a_thickness_outside_the_database_is_told_as_identify_tells_it(campaign, capsys):
+    """It was "the model has no answer for these curves"."""
+    toml = campaign / "campaign.toml"
+    toml.write_text(toml.read_text().replace("thickness_mm = 1.0", "thickness_mm = 9.0"))
+    assert run(["identify", str(toml)]) == 5
+    told = capsys.readouterr().err.replace(f"{campaign}/", "")
+    assert "1.csv: thickness/radius 9 is outside the database" in told
+    assert run(["discrepancy", str(toml), "--workers", "1"]) == 5
+    assert capsys.readouterr() == ("", told)
+
+
 def test_suction_that_is_recorded_as_negative_is_refused(campaign, capsys):
     header, *rows = (campaign / "1.csv").read_text().splitlines()
     cells = [row.split(",") for row in rows]

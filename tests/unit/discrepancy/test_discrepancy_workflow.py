@@ -2,6 +2,7 @@
 
 import json
 import pickle
+import re
 from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
@@ -17,6 +18,7 @@ from skinlab.curves.curve import Curve, Setup
 from skinlab.curves.pressure_path import PressurePath
 from skinlab.curves.program import parse_program
 from skinlab.discrepancy import cache
+from skinlab.discrepancy.adequacy import Place
 from skinlab.discrepancy.adopt import adopted
 from skinlab.discrepancy.fit import Fitter
 from skinlab.discrepancy.heldout import HeldOut
@@ -26,14 +28,17 @@ from skinlab.discrepancy.posterior import gaussian
 from skinlab.discrepancy.records import records_of, without
 from skinlab.discrepancy.search import Search
 from skinlab.discrepancy.table_domes import TableDomes
-from skinlab.discrepancy.text import describe, partial_words
+from skinlab.discrepancy.text import describe, partial_words, where_words
 from skinlab.discrepancy.verdict import decide
 from skinlab.discrepancy.workflow import Partial, explain
-from skinlab.mechanics.effects import library_names
+from skinlab.errors import InputError
+from skinlab.mechanics.effects import EFFECTS, library_names
 from skinlab.mechanics.effects.model import Skin, response
 from skinlab.mechanics.fem.suction import Geometry
-from skinlab.mechanics.model_file import BASE, EffectRange, Header, Model, Normal
+from skinlab.mechanics.model_file import BASE, EffectRange, Header, Model, Normal, Provenance
 from skinlab.mechanics.names import effect_words
+from skinlab.plugins import Origin
+from skinlab.recording.load_inputs import read_campaign_or_session
 from skinlab.report.missing_effect import render
 
 SKIN = Skin((0.041, 1.7, 0.31))
@@ -181,13 +186,67 @@ def test_the_cache_knows_whether_a_model_was_learned_from_these_data(table, off_
     monkeypatch.setattr(explaining.cache, "load", lambda name, records: asked.append(name) or name)
     known = EffectRange(25.0, None, None, Normal(25.0, 1.0))
     model = Model(Header("m"), effects={"deflection_offset": {"offset_um": known}})
-    for content in ("sha256:1", "sha256:2"):
+    for content in ("sha256:1", "sha256:2"):  # of one of the curves, and of none
         learned = msgspec.structs.replace(
             model, provenance=msgspec.structs.replace(model.provenance, data={"f.csv": content})
         )
         assert learned.hash == model.hash
-        explaining.outcome_of(off_zero, {"0.csv": "sha256:1"}, learned, table)
+        explaining.outcome_of(off_zero, learned, table)
     assert len(set(asked)) == 2
+
+
+def write_campaign(folder, files, deflection_mm=0.03):
+    lines = ["[campaign]"]
+    for k, file in enumerate(files):
+        rows = [f"{t},{4 * t},{deflection_mm * t + 0.001 * k}" for t in range(25)]
+        (folder / file).parent.mkdir(parents=True, exist_ok=True)
+        (folder / file).write_text("\n".join(["time_s,pressure_mbar,deflection_mm", *rows]))
+        lines += ["[[curve]]", f'file = "{file}"', "aperture_mm = 6.0", "thickness_mm = 1.0"]
+    (folder / "campaign.toml").write_text("\n".join(lines))
+    return read_campaign_or_session(folder)
+
+
+def test_a_campaign_file_used_again_for_new_curves_is_no_curve(tmp_path, monkeypatch, table):
+    """Its hash is in adopted models: they had been learned from all that it was used for."""
+    told = []
+
+    def explained(campaign, table, *, model, data, **_):
+        told.append(model.learned_from({*data, *(c.source for c in campaign.curves)}))
+        raise InputError("enough")
+
+    monkeypatch.setattr(explaining.workflow, "explain", explained)
+    first, hashes = write_campaign(tmp_path / "first", ["c.csv"])
+    second, others = write_campaign(tmp_path / "second", ["c.csv"], 0.04)
+    assert hashes["campaign.toml"] == others["campaign.toml"]
+    known = EffectRange(25.0, None, None, Normal(25.0, 1.0))
+    effects = {"deflection_offset": {"offset_um": known}}
+    model = Model(Header("m"), effects=effects, provenance=Provenance(hashes))
+    for curves in (first, second):
+        with pytest.raises(InputError, match="enough"):
+            explaining.outcome_of(curves, model, table, cached=False)
+    assert told == [True, False]
+
+
+def test_curves_of_one_name_in_two_folders_are_two(tmp_path, monkeypatch, table):
+    """The last one stood for both: an answer came from the cache when the other had changed."""
+    asked = []
+    monkeypatch.setattr(explaining.cache, "load", lambda name, records: asked.append(name) or name)
+    curves, hashes = write_campaign(tmp_path, ["a/d.csv", "b/d.csv"])
+    assert list(hashes) == ["campaign.toml", "a/d.csv", "b/d.csv"]
+    assert hashes["a/d.csv"] == curves.curves[0].source != hashes["b/d.csv"]
+    explaining.outcome_of(curves, BASE, table)
+    (tmp_path / "a/d.csv").write_text((tmp_path / "a/d.csv").read_text().replace("0.3", "0.4"))
+    explaining.outcome_of(read_campaign_or_session(tmp_path)[0], BASE, table)
+    assert len(set(asked)) == 2
+
+
+def test_a_whole_path_in_a_campaign_that_is_named_from_here(tmp_path, monkeypatch):
+    """It was an internal error."""
+    write_campaign(tmp_path / "c", ["d.csv"])
+    monkeypatch.chdir(tmp_path)
+    toml = Path("c/campaign.toml")
+    toml.write_text(toml.read_text().replace("d.csv", f"{tmp_path / 'c' / 'd.csv'}"))
+    assert [c.name for c in read_campaign_or_session(Path("c"))[0].curves] == ["d.csv"]
 
 
 @pytest.mark.long
@@ -328,6 +387,28 @@ def test_what_was_left_out_is_told_and_kept(off_zero, explained, tmp_path):
     assert f"Left out, as glitches that belong to no curve: 1 sample of {name}." in describe(again)
     of_means = [replace(r, coarse=8, glitches=2) for r in found.records]
     assert replace(again.found, records=of_means[:1]).left_out == {name: 10}
+
+
+def test_an_adopted_model_says_which_plugins_it_needs(explained, monkeypatch):
+    here = {"offsets": "1.0 0123456789ab", "other": "2.0 ab0123456789"}
+    monkeypatch.setattr("skinlab.versions.installed", lambda: here)
+    monkeypatch.setattr(EFFECTS, "origin", {"deflection_offset": Origin("offsets", "1.0")}.get)
+    now = datetime(2026, 1, 1, tzinfo=UTC)
+    model = adopted(BASE, explained, data={}, database_hash="sha256:0", now=now)
+    assert set(model.provenance.versions) == {"skinlab", "solver", "database", "plugin offsets"}
+    assert model.provenance.versions["plugin offsets"] == "1.0 0123456789ab"
+
+
+def test_the_report_knows_no_minus_zero(explained):
+    """The screen's table had "-0" as a misfit."""
+    found = explained.found
+    little = {n: replace(s, gain=-0.2, absorbed=-1e-4) for n, s in found.signatures.items()}
+    said = render(replace(explained, found=replace(found, signatures=little)))
+    assert ">0</td>" in said
+    assert ">0 %</td>" in said
+    assert not re.search(r"-0(\.0*)?( |%|<)", said)
+    place = Place("c.csv", "load", (-0.3, 9.0), (-0.01, 1.0), -0.04, 3.0, 0.5)
+    assert where_words(place).startswith("c.csv, load, 0–9 mbar, 0.0–1.0 s: +0.0 µm")
 
 
 def test_a_cache_runs_nothing(tmp_path):

@@ -10,9 +10,12 @@ from skinlab.cli.main import run
 from skinlab.curves.pressure_path import PressurePath
 from skinlab.curves.program import parse_program
 from skinlab.errors import InputError
+from skinlab.mechanics.effects import EFFECTS, Effect, Parameter
 from skinlab.mechanics.effects.model import Skin, response
 from skinlab.mechanics.fem.suction import Geometry
 from skinlab.mechanics.model_file import BASE, EffectRange, Header, Model, Normal, Range, read_model
+from skinlab.mechanics.model_plugins import plugins_of
+from skinlab.plugins import Origin
 
 WHOLE = """
 [model]
@@ -217,3 +220,82 @@ def test_forward_refuses_what_contradicts(capsys, tmp_path):
     status, _, err = forward(capsys, "--cycle", 0)
     assert status == 3
     assert "cycle" in err
+
+
+# ---- effects of plugins -------------------------------------------------------------------------
+
+LEAK = """
+[model]
+name = "forearm with seal_leak"
+[effects.seal_leak.leak_mbar]
+value = 3.0
+[provenance.versions]
+skinlab = "0.2.0"
+"plugin sealed" = "0.1.0 27ab12cd34ef"
+"""
+
+
+class SealLeak(Effect):
+    name = "seal_leak"
+    meaning = "the seal leaks"
+    formula = "p − leak"
+    source = "a test"
+    physical = False
+    parameters = (Parameter("leak_mbar", "mbar", "what is lost", 0.0, 8.0, 0.0, 1.5, "a test"),)
+
+
+@pytest.fixture
+def installed(monkeypatch):
+    """Have an effect seal_leak of a package, in a state of its source files."""
+
+    def install(package, stated):
+        monkeypatch.setattr("skinlab.versions.installed", lambda: {package: stated})
+        origins = {"seal_leak": Origin(package, stated.partition(" ")[0])}
+        monkeypatch.setattr(EFFECTS, "origin", origins.get)
+
+    with EFFECTS.lent(SealLeak()):
+        yield install
+
+
+def test_an_effect_of_the_same_plugin_is_the_one_that_was_adopted(tmp_path, installed, capsys):
+    installed("sealed", "0.1.0 27ab12cd34ef")
+    model = read_model(written(tmp_path, LEAK))
+    assert model.differs == ""
+    known = {"plugin sealed": "0.1.0 27ab12cd34ef"}
+    assert plugins_of(model.model.law, ["deflection_offset", *model.effects]) == known
+    hand_written = LEAK.partition("[provenance")[0]
+    installed("another", "0.1.0 00ab12cd34ef")
+    read_model(written(tmp_path, hand_written))
+    assert capsys.readouterr().err == ""
+
+
+@pytest.mark.parametrize(
+    ("package", "stated", "here"),
+    [
+        ("another", "0.1.0 99ab12cd34ef", "another 0.1.0 (source files 99ab12cd34ef)"),
+        ("sealed", "0.1.0 88ab12cd34ef", "sealed 0.1.0 (source files 88ab12cd34ef)"),
+    ],
+)
+def test_an_effect_of_another_plugin_is_told(tmp_path, installed, capsys, package, stated, here):
+    """Another formula of the same name had been used in silence."""
+    installed(package, stated)
+    path = written(tmp_path, LEAK)
+    model = read_model(path)
+    assert capsys.readouterr().err == (
+        f"skinlab: {path}: effects.seal_leak was of plugin sealed 0.1.0 (source files "
+        f"27ab12cd34ef) when the model was adopted, and is of plugin {here} here: what the model "
+        "says of it may not hold\n"
+    )
+    assert model.values == {"seal_leak": {"leak_mbar": 3.0}}
+    with pytest.raises(InputError, match=r"leak_um is not known; .* is of plugin"):
+        read_model(written(tmp_path, LEAK.replace("leak_mbar", "leak_um")))
+
+
+def test_an_effect_of_a_plugin_that_is_gone_is_told_with_the_plugin(tmp_path):
+    path = written(tmp_path, LEAK)
+    with pytest.raises(InputError) as told:
+        read_model(path)
+    assert str(told.value) == (
+        f"{path}: effects.seal_leak is not known: the model was adopted with the plugin sealed "
+        "0.1.0, which is not installed here"
+    )
