@@ -164,7 +164,7 @@ class Discipline:
             "size",
             size >= NAMES.practical_um or bool(moved),
             f"it changes the fitted curves by {size:.1f} µm, once the law's parameters have "
-            f"been fitted again{''.join(moved)}",
+            f"been fitted again{', and '.join(['', *moved])}",
         )
 
     def _smooth(self, best: Candidate, base: Candidate) -> Trial:
@@ -386,16 +386,15 @@ def repeats_um(
 
 def _moved(fit: Fit, base: Fit) -> list[str]:
     """Return in words which of the law's parameters leave their interval by what matters."""
-    with_it, without = gaussian(fit).parameters, gaussian(base).parameters
+    without = gaussian(base).parameters
     found = []
-    for quantity in base.unknowns.base_names:
-        value, plain = with_it[quantity]["value"], without[quantity]
-        if plain["low"] <= value <= plain["high"]:
+    for name, plain in base.unknowns.base(base.u).items():
+        value = fit.unknowns.base(fit.u)[name]
+        if without[name]["low"] <= value <= without[name]["high"]:
             continue
-        if is_logarithmic(quantity):
-            change = value / plain["value"] - 1.0
-            if abs(change) >= NAMES.practical_share:
-                found.append(f", and {label(quantity)} by {change:+.0%}")
-        elif abs(value - plain["value"]) >= NAMES.practical_change:
-            found.append(f", and {label(quantity)} by {value - plain['value']:+.2f}")
+        if is_logarithmic(name):
+            if abs(value / plain - 1.0) >= NAMES.practical_share:
+                found.append(f"{label(name)} by {100.0 * (value / plain - 1.0):+.0f} %")
+        elif abs(value - plain) >= NAMES.practical_change:
+            found.append(f"{label(name)} by {value - plain:+.2f}")
     return found

@@ -29,8 +29,8 @@ def verdict_words(outcome: Outcome) -> str:
         case "none" if not outcome.found.base.adequate or _failed(outcome) == {"size"}:
             return (
                 f"Nothing is missing that would change the curves by {NAMES.practical_um:g} µm, or "
-                f"a parameter by {NAMES.practical_share:.0%}, though these data show more than "
-                "noise."
+                f"a parameter by {100.0 * NAMES.practical_share:.0f} %, though these data show "
+                "more than noise."
             )
         case "none" if _failed(outcome):
             return (

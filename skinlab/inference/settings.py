@@ -278,7 +278,9 @@ class PosteriorRules:
     """Minima that valleys are followed from."""
     elsewhere: float = 4.0
     """Of χ² by errors as learned in one valley, by which another has to be better to begin there:
-    e² in likelihood. What is nearer is followed as one of the modes."""
+    e² in likelihood. What is nearer is followed as one of the modes,"""
+    hopeless: float = 25.0
+    """unless it is so much worse."""
     draws: int = 4096
     """A round;"""
     enough: float = 500.0

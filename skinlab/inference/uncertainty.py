@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -43,7 +43,7 @@ from skinlab.inference.outliers import outlier_probability
 from skinlab.inference.posterior import FLAT_PRECISION, Draws, sample
 from skinlab.inference.problem import Options, Problem, SquaredMisfit
 from skinlab.inference.samples import Group, Samples, samples_of
-from skinlab.inference.settings import NOISE, POSTERIOR
+from skinlab.inference.settings import NOISE, POSTERIOR, STARTS
 from skinlab.mechanics.materials.compressibility import KappaConvention
 from skinlab.parameters import ParameterSpace, Space
 from skinlab.tables.base import CurveModel, Database
@@ -478,18 +478,14 @@ def assess(
     parts += priors
     if fitted.samples.placements > 1 and not sought:
         # Least squares knew of no placements: by these errors the best may lie in another valley.
-        problem = Problem(space, JointMisfit(parts), int(kept.sum()))
-        found = search_everywhere(problem, Options(), rng.spawn(1)[0]).minima
-        if found is not None:
-            modes = np.vstack([modes, found[: POSTERIOR.modes]])
-        at = polish(space, problem.misfit, modes)
-        best_of = int(np.argmin(at.cost))
-        if at.cost[best_of] < at.cost[0] - POSTERIOR.elsewhere:
-            there = at.unit[best_of, : len(names)]
+        others = _other_valleys(space, JointMisfit(parts), int(kept.sum()), modes, rng.spawn(1)[0])
+        if others.better:
+            there = others.unit[0, : len(names)]
             return assess(
                 database, kappa, *given, np.vstack([there, minima]), sensor, rng, kept=kept,
                 priors=own_priors, error_models=error_models, sought=True,
             )  # fmt: skip
+        modes = np.vstack([modes, others.unit])
     likelihood = IntegratedLikelihood(
         models, fitted.linear.residual_mm[kept], fitted.parameters, kept, errors
     )
@@ -501,6 +497,30 @@ def assess(
     judged = _judged(fitted, kept, errors)
     noise_mbar = float(np.median(fitted.pressure_sd_mbar()))
     return Uncertainty(names, space, draws, judged, tuple(parts), relative_sd, noise_mbar)
+
+
+class _Valleys(NamedTuple):
+    """Minima (m, k) that are none of those known, best first; whether the first is a better one."""
+
+    unit: Array
+    better: bool
+
+
+def _other_valleys(
+    space: ParameterSpace, misfit: JointMisfit, points: int, modes: Array, rng: np.random.Generator
+) -> _Valleys:
+    """Return what a search of all skins finds beside the valleys of `modes` (m, k)."""
+    found = search_everywhere(Problem(space, misfit, points), Options(), rng).minima
+    known = polish(space, misfit, modes)
+    least = float(known.cost.min())
+    if found is None or not len(found):
+        return _Valleys(modes[:0], False)
+    at = polish(space, misfit, found[: POSTERIOR.modes])
+    apart = np.abs(at.unit[:, None] - known.unit).max(axis=2).min(axis=1) > STARTS.alike
+    kept = apart & (at.cost < least + POSTERIOR.hopeless)
+    order = np.flatnonzero(kept)[np.argsort(at.cost[kept], kind="stable")]
+    better = bool(len(order)) and float(at.cost[order[0]]) < least - POSTERIOR.elsewhere
+    return _Valleys(at.unit[order], better)
 
 
 def judge_at(

@@ -461,8 +461,8 @@ def test_a_second_effect_has_to_be_there_again(table, curves, size_um, needed):
     [
         (1.1, 0.0, 0.0, True, "again"),
         (0.8, 0.0, 0.0, False, "again"),
-        (0.8, 0.14, 0.0, True, "again, and X2 by +14%"),
-        (0.8, 0.14, -0.05, True, "again, and X2 by +14%, and ν by -0.05"),
+        (0.8, 0.14, 0.0, True, "again, and X2 by +14 %"),
+        (0.8, 0.14, -0.05, True, "again, and X2 by +14 %, and ν by -0.05"),
         (0.8, 0.04, -0.01, False, "again"),  # out of the interval, and little
     ],
 )
