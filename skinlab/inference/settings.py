@@ -170,6 +170,8 @@ class KindRules:
     """of so many at most: from the best one it is looked for more closely;"""
     sine_most_of_each: int = 400
     """of each curve of several, whose frequency stays there."""
+    sine_between: int = 9
+    """From the best of these so many, as far as the next on either side."""
     sine_sweeps: int = 3
     """Of the curves, each looked at beside the others' sines, at most."""
     sine_stands_out: float = 3.0

@@ -63,48 +63,74 @@ class Sines:
             self._here.append(here)
             self._waves.append(waves)
 
-    def gain(self, curve: int, beside: Array | None = None) -> Array:
+    def gain(self, curve: int) -> Array:
         """Return what a sine gains in log likelihood: of a curve's frequencies (f,)."""
+        return self._alone(curve)[0]
+
+    def _alone(self, curve: int) -> tuple[Array, Array]:
+        """Return the gains (f,) and the squares of the amplitudes (f,)."""
+        whole, square, product = self._normal(curve, self._basis, self._left)
+        # A wave that the unknowns absorb all of tells nothing.
+        square += _ABSORBED * np.trace(whole, axis1=1, axis2=2)[:, None, None] * np.eye(2)
+        amplitude = self._solved(square, product)
+        gain = 0.5 * (product * amplitude).sum(axis=1) / self._variance
+        return gain, np.square(amplitude).sum(axis=1)
+
+    def _normal(self, curve: int, basis: Array, left: Array) -> tuple[Array, Array, Array]:
+        """Return products (f, 2, 2) of the waves, less those in `basis`, and with `left` (f, 2)."""
         here, waves = self._here[curve], self._waves[curve]
-        basis, left = self._basis, self._left
-        if beside is not None:
-            basis = np.column_stack([basis, beside])
-            left = left - beside @ (beside.T @ left)
         taken = np.tensordot(basis[here].T, waves, 1)
         whole = np.einsum("nfi,nfj->fij", waves, waves)
         square = whole - np.einsum("kfi,kfj->fij", taken, taken)
-        product = np.tensordot(left[here], waves, 1)
-        # A wave that the unknowns absorb all of tells nothing.
-        square += _ABSORBED * np.trace(whole, axis1=1, axis2=2)[:, None, None] * np.eye(2)
-        if here.start == here.stop:
-            return np.zeros(waves.shape[1])
-        amplitude = np.linalg.solve(square, product[:, :, None])[:, :, 0]
-        return np.asarray(0.5 * (product * amplitude).sum(axis=1) / self._variance)
+        return whole, square, np.tensordot(left[here], waves, 1)
 
-    def each_beside_the_others(self, first: list[Array]) -> tuple[list[Array], list[int]]:
-        """Return gains of each curve beside the others' best sines, and the best of each.
+    @staticmethod
+    def _solved(square: Array, product: Array) -> Array:
+        if not square.any():  # a curve of which no sample is left
+            return np.zeros_like(product)
+        return np.asarray(np.linalg.solve(square, product[:, :, None])[:, :, 0])
+
+    def of_each(self) -> tuple[list[int], Array]:
+        """Return the best frequency's number of each curve, beside the others' sines, and its gain.
 
         Repeats tell errors by how they differ, so that a curve's sine is in what is left of the
-        others as well: alone a weaker one was found where a stronger one is.
+        others as well: alone a weaker one was found where a stronger one is. Amplitudes have the
+        size that was found alone: together these sines may do what the unknowns do, and no more
+        is known of them than that.
         """
-        found, best = list(first), [int(gain.argmax()) for gain in first]
+        alone = [self._alone(curve) for curve in range(len(self._waves))]
+        best = [int(gain.argmax()) for gain, _ in alone]
+        top = np.array([float(gain[i]) for (gain, _), i in zip(alone, best, strict=True)])
+        square_mm2 = float(np.mean([a[i] for (_, a), i in zip(alone, best, strict=True)])) / 2.0
+        if not square_mm2 > 0.0:
+            return best, top
         for _ in range(KINDS.sine_sweeps):
             before = list(best)
-            for curve in np.argsort([-float(gain.max()) for gain in found]):
-                others = self._beside(best, int(curve))
-                found[curve] = self.gain(int(curve), others)
-                best[curve] = int(found[curve].argmax())
+            for curve in map(int, np.argsort(-top)):
+                best[curve], top[curve] = self._beside(best, curve, square_mm2)
             if best == before:
                 break
-        return found, best
+        return best, top
 
-    def _beside(self, best: Sequence[int], but: int) -> Array:
-        """Return an orthonormal basis (n, m) of the other curves' best sines."""
-        columns = np.zeros((len(self._left), 2 * len(best)))
-        for curve, (here, waves) in enumerate(zip(self._here, self._waves, strict=True)):
-            if curve != but:
-                columns[here, 2 * curve : 2 * curve + 2] = waves[:, best[curve]]
-        return _span(columns - self._basis @ (self._basis.T @ columns))
+    def _beside(self, best: Sequence[int], curve: int, square_mm2: float) -> tuple[int, float]:
+        """Return the best frequency's number of a curve beside the other curves' best sines.
+
+        Their amplitudes have this variance, mm², and so has its own (Woodbury).
+        """
+        others = np.zeros((len(self._left), 2 * len(best)))
+        for i, (here, waves) in enumerate(zip(self._here, self._waves, strict=True)):
+            if i != curve:
+                others[here, 2 * i : 2 * i + 2] = waves[:, best[i]]
+        others -= self._basis @ (self._basis.T @ others)
+        inner = np.eye(others.shape[1]) * (self._variance / square_mm2) + others.T @ others
+        rooted = np.linalg.solve(np.linalg.cholesky(inner), others.T).T
+        left = self._left - rooted @ (rooted.T @ self._left)
+        _, square, product = self._normal(curve, np.hstack([self._basis, rooted]), left)
+        known = square + np.eye(2) * (self._variance / square_mm2)
+        gain = 0.5 * (product * self._solved(known, product)).sum(axis=1) / self._variance
+        least = 0.5 * np.linalg.slogdet(known * (square_mm2 / self._variance))[1]
+        at = int((gain - least).argmax())
+        return at, float(gain[at])
 
 
 def _span(values: Array) -> Array:
@@ -213,17 +239,25 @@ class Periodic:
         lasts = np.array([max(np.ptp(t), 1e-9) if len(t) else 1e-9 for t in times])
         grids = [self._grid_hz(each, KINDS.sine_most_of_each) for each in lasts]
         sines = Sines(look, grids)
-        gain = [sines.gain(curve) for curve in range(samples.curves)]
-        if sum(float(each.max()) for each in gain) < KINDS.sines_stand_out * samples.curves:
+        stand_out = KINDS.sines_stand_out * samples.curves
+        if sum(float(sines.gain(curve).max()) for curve in range(samples.curves)) < stand_out:
             return None
-        gain, at = sines.each_beside_the_others(gain)
+        at, top = sines.of_each()
         best = np.array([grid[i] for grid, i in zip(grids, at, strict=True)])
-        top = np.array([max(float(g.max()), 1e-9) for g in gain])
+        # Between them: what is left of a strong sine beside its frequency looks like what lasts.
+        near = np.linspace(-1.0, 1.0, KINDS.sine_between)
+        grids = [
+            np.clip(hz + near * (g[1] - g[0]), self.low_hz, self.high_hz)
+            for hz, g in zip(best, grids, strict=True)
+        ]
+        at, top = Sines(look, grids).of_each()
+        best = np.array([grid[i] for grid, i in zip(grids, at, strict=True)])
+        top = np.maximum(top, 1e-9)
         # About its best frequency a sine's gain falls by (πTΔf)²/3 of itself.
         spread = np.sqrt(1.5 / top) / (np.pi * lasts)
         share = np.minimum(math.sqrt(2.0 * math.pi) * spread / (self.high_hz - self.low_hz), 1.0)
         paid = float(np.log(share).sum())
-        if top.sum() + paid < KINDS.sines_stand_out * samples.curves:
+        if top.sum() + paid < stand_out:
             return None
         waves = block_diagonal([_waves(t, hz) for t, hz in zip(times, best, strict=True)])
 
