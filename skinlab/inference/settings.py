@@ -172,7 +172,7 @@ class KindRules:
     """of each curve of several, whose frequency stays there."""
     sine_between: int = 9
     """From the best of these so many, as far as the next on either side."""
-    sine_sweeps: int = 3
+    sine_sweeps: int = 4
     """Of the curves, each looked at beside the others' sines, at most."""
     sine_stands_out: float = 3.0
     """Times what white noise gives to one frequency;"""

@@ -104,31 +104,36 @@ class Sines:
         square_mm2 = float(np.mean([a[i] for (_, a), i in zip(alone, best, strict=True)])) / 2.0
         if not square_mm2 > 0.0:
             return best, top
+        order = [int(curve) for curve in np.argsort(-top)]
+        seen: list[int] = []  # the strongest first: a weak one beside a wrong one is wrong, too
         for _ in range(KINDS.sine_sweeps):
             before = list(best)
-            for curve in map(int, np.argsort(-top)):
-                best[curve], top[curve] = self._beside(best, curve, square_mm2)
+            for curve in order:
+                seen = seen if curve in seen else [*seen, curve]
+                others = [(i, best[i]) for i in seen if i != curve]
+                best[curve], top[curve] = self._beside(others, curve, square_mm2)
             if best == before:
                 break
         return best, top
 
-    def _beside(self, best: Sequence[int], curve: int, square_mm2: float) -> tuple[int, float]:
-        """Return the best frequency's number of a curve beside the other curves' best sines.
+    def _beside(
+        self, known: Sequence[tuple[int, int]], curve: int, square_mm2: float
+    ) -> tuple[int, float]:
+        """Return the best frequency's number of a curve beside other curves' known sines.
 
         Their amplitudes have this variance, mm², and so has its own (Woodbury).
         """
-        others = np.zeros((len(self._left), 2 * len(best)))
-        for i, (here, waves) in enumerate(zip(self._here, self._waves, strict=True)):
-            if i != curve:
-                others[here, 2 * i : 2 * i + 2] = waves[:, best[i]]
+        others = np.zeros((len(self._left), 2 * len(known)))
+        for k, (i, best) in enumerate(known):
+            others[self._here[i], 2 * k : 2 * k + 2] = self._waves[i][:, best]
         others -= self._basis @ (self._basis.T @ others)
         inner = np.eye(others.shape[1]) * (self._variance / square_mm2) + others.T @ others
         rooted = np.linalg.solve(np.linalg.cholesky(inner), others.T).T
         left = self._left - rooted @ (rooted.T @ self._left)
         _, square, product = self._normal(curve, np.hstack([self._basis, rooted]), left)
-        known = square + np.eye(2) * (self._variance / square_mm2)
-        gain = 0.5 * (product * self._solved(known, product)).sum(axis=1) / self._variance
-        least = 0.5 * np.linalg.slogdet(known * (square_mm2 / self._variance))[1]
+        square = square + np.eye(2) * (self._variance / square_mm2)
+        gain = 0.5 * (product * self._solved(square, product)).sum(axis=1) / self._variance
+        least = 0.5 * np.linalg.slogdet(square * (square_mm2 / self._variance))[1]
         at = int((gain - least).argmax())
         return at, float(gain[at])
 
