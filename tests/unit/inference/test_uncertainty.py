@@ -454,14 +454,14 @@ class TestPlacement:
     @pytest.mark.long
     def test_a_stated_deviation_of_the_thickness_is_each_placements_too(self, table):
         stated = [
-            replace(c, setup=replace(c.setup, thickness_sd_mm=0.06, placement=label))
+            replace(c, setup=replace(c.setup, thickness_sd_mm=0.15, placement=label))
             for c, label in zip(self.curves(table, 0.0), "abcd", strict=True)
         ]
         exact = Identifier(table, sensor=Sensor(3.0, 0.0, 0.01))
         known, doubted = exact.joint(self.curves(table, 0.0)), exact.joint(stated)
         assert known.placement.count == doubted.placement.count == 4
-        assert _deviation(doubted) > 1.02 * _deviation(known)
-        assert doubted.uncertainty.relative_thickness_sd == pytest.approx(0.06 / 2**0.5)
+        assert _deviation(doubted) > 1.1 * _deviation(known)
+        assert doubted.uncertainty.relative_thickness_sd == pytest.approx(0.15 / 2**0.5)
 
     def test_later_cycles_belong_to_the_placement_before(self, table):
         one = curve_of(table, SKIN)
