@@ -6,7 +6,6 @@ import hashlib
 import platform
 from collections.abc import Iterable, Mapping
 from functools import cache
-from importlib.metadata import version
 from pathlib import Path
 
 from skinlab.plugins import Origin, installed
@@ -21,6 +20,8 @@ _SCREENS = frozenset({"tui", "cli", "report", "extensions"})
 
 def versions() -> dict[str, str]:
     """Return what a result may depend on, by name; `plugin NAME` for each distribution of them."""
+    from importlib.metadata import version  # slow to import
+
     return {
         "skinlab": __version__,
         **software(),
