@@ -386,10 +386,10 @@ def repeats_um(
 
 def _moved(fit: Fit, base: Fit) -> list[str]:
     """Return in words which of the law's parameters leave their interval by what matters."""
-    without = gaussian(base).parameters
+    without, with_it = gaussian(base).parameters, fit.unknowns.base(fit.u)
     found = []
     for name, plain in base.unknowns.base(base.u).items():
-        value = fit.unknowns.base(fit.u)[name]
+        value = with_it[name]
         if without[name]["low"] <= value <= without[name]["high"]:
             continue
         if is_logarithmic(name):

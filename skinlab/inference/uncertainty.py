@@ -511,10 +511,10 @@ def _other_valleys(
 ) -> _Valleys:
     """Return what a search of all skins finds beside the valleys of `modes` (m, k)."""
     found = search_everywhere(Problem(space, misfit, points), Options(), rng).minima
-    known = polish(space, misfit, modes)
-    least = float(known.cost.min())
     if found is None or not len(found):
         return _Valleys(modes[:0], False)
+    known = polish(space, misfit, modes)
+    least = float(known.cost.min())
     at = polish(space, misfit, found[: POSTERIOR.modes])
     apart = np.abs(at.unit[:, None] - known.unit).max(axis=2).min(axis=1) > STARTS.alike
     kept = apart & (at.cost < least + POSTERIOR.hopeless)

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from copy import copy
 from dataclasses import dataclass
 from functools import lru_cache, partial
 from itertools import pairwise
@@ -42,32 +43,45 @@ class Sines:
     """
 
     def __init__(self, look: Look, grids_hz: Sequence[Array]) -> None:
-        samples, known = look.samples, look.covariance
+        known = look.covariance
         every = np.column_stack([look.residual_mm, look.slopes])
         if known is not None:
             every = known.whiten_without_columns(np.column_stack([every, known.columns_mm]))
+        self._samples, self._known = look.samples, known
         self._basis = _span(every[:, 1:])
         self._left = every[:, 0] - self._basis @ (self._basis.T @ every[:, 0])
         self._variance = 1.0
         if known is None:
             freedom = max(len(self._left) - self._basis.shape[1], 1)
             self._variance = max(float(self._left @ self._left) / freedom, 1e-300)
+        self._place(grids_hz)
+
+    def at(self, grids_hz: Sequence[Array]) -> Sines:
+        """Return the same at other frequencies."""
+        other = copy(self)
+        other._place(grids_hz)
+        return other
+
+    def _place(self, grids_hz: Sequence[Array]) -> None:
+        known = self._known
         self._here, self._waves = [], []  # of each curve its samples, and (n, f, 2)
-        for grid, (begin, end) in zip(grids_hz, pairwise((0, *samples.ends)), strict=True):
+        for grid, (begin, end) in zip(grids_hz, pairwise((0, *self._samples.ends)), strict=True):
             here = slice(begin, end)
-            waves = _waves(samples.time_s[here], grid)
+            waves = _waves(self._samples.time_s[here], grid)
             if known is not None and begin < end:
                 own = np.zeros(known.count, dtype=bool)
                 own[here] = True
                 waves = known.only(own).whiten_without_columns(waves)
             self._here.append(here)
             self._waves.append(waves)
+        # What each curve's sines gain (f,), and the squares of their amplitudes (f,).
+        self._alone = [self._of_one(curve) for curve in range(len(self._waves))]
 
     def gain(self, curve: int) -> Array:
         """Return what a sine gains in log likelihood: of a curve's frequencies (f,)."""
-        return self._alone(curve)[0]
+        return self._alone[curve][0]
 
-    def _alone(self, curve: int) -> tuple[Array, Array]:
+    def _of_one(self, curve: int) -> tuple[Array, Array]:
         """Return the gains (f,) and the squares of the amplitudes (f,)."""
         whole, square, product = self._normal(curve, self._basis, self._left)
         # A wave that the unknowns absorb all of tells nothing.
@@ -98,10 +112,10 @@ class Sines:
         size that was found alone: together these sines may do what the unknowns do, and no more
         is known of them than that.
         """
-        alone = [self._alone(curve) for curve in range(len(self._waves))]
-        best = [int(gain.argmax()) for gain, _ in alone]
-        top = np.array([float(gain[i]) for (gain, _), i in zip(alone, best, strict=True)])
-        square_mm2 = float(np.mean([a[i] for (_, a), i in zip(alone, best, strict=True)])) / 2.0
+        best = [int(gain.argmax()) for gain, _ in self._alone]
+        at_best = [(gain[i], a[i]) for (gain, a), i in zip(self._alone, best, strict=True)]
+        top, amplitude_mm2 = np.array(at_best).T
+        square_mm2 = float(amplitude_mm2.mean()) / 2.0
         if not square_mm2 > 0.0:
             return best, top
         order = [int(curve) for curve in np.argsort(-top)]
@@ -255,7 +269,7 @@ class Periodic:
             np.clip(hz + near * (g[1] - g[0]), self.low_hz, self.high_hz)
             for hz, g in zip(best, grids, strict=True)
         ]
-        at, top = Sines(look, grids).of_each()
+        at, top = sines.at(grids).of_each()
         best = np.array([grid[i] for grid, i in zip(grids, at, strict=True)])
         top = np.maximum(top, 1e-9)
         # About its best frequency a sine's gain falls by (πTΔf)²/3 of itself.
