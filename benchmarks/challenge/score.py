@@ -108,9 +108,25 @@ def scores(truths: Mapping[str, Document], answers: Mapping[str, Document]) -> d
     }
 
 
-def read(folder: Path) -> dict[str, Document]:
-    """Return the documents of a folder by their names."""
-    return {f.stem: json.loads(f.read_text()) for f in sorted(folder.glob("*.json"))}
+def read_truths(folder: Path) -> dict[str, Document]:
+    """Return the truths of a folder by their names.
+
+    Raises:
+        ValueError: says of which file, and what was expected.
+    """
+    found = {}
+    for file in sorted(folder.glob("*.json")):
+        expected = f"{file}: expected the truth that generate.py wrote"
+        try:
+            truth = json.loads(file.read_text(encoding="utf-8"))
+        except (OSError, ValueError, RecursionError) as error:
+            raise ValueError(f"{expected}: {error}") from error
+        if not isinstance(truth, dict) or not {"part", "effects", "families"} <= truth.keys():
+            raise ValueError(expected)
+        found[file.stem] = truth
+    if not found:
+        raise ValueError(f"{folder}: expected the truth that generate.py wrote")
+    return found
 
 
 def read_answers(folder: Path) -> tuple[dict[str, Document], list[str]]:
@@ -156,9 +172,10 @@ def main() -> None:
     for folder in (arguments.truth, arguments.answers):
         if not folder.is_dir():
             parser.error(f"{folder}: no such folder")
-    truths = read(arguments.truth)
-    if not truths or any("part" not in truth for truth in truths.values()):
-        parser.error(f"{arguments.truth}: expected the truth that generate.py wrote")
+    try:
+        truths = read_truths(arguments.truth)
+    except ValueError as error:
+        parser.error(str(error))
     answers, said = read_answers(arguments.answers)
     if others := [name for name in answers if name not in truths]:
         said.append(f"answers without a truth, not scored: {', '.join(others)}")

@@ -280,14 +280,18 @@ def test_a_folder_that_holds_no_truth_is_refused(tmp_path, monkeypatch, capsys):
     answers, empty = tmp_path / "answers", tmp_path / "empty"
     answers.mkdir()
     empty.mkdir()
-    (answers / "c1.json").write_text(json.dumps({"verdict": "none", "effects": []}))
-    gone = tmp_path / "gone"
+    told = answers / "c1.json"
+    told.write_text(json.dumps({"verdict": "none", "effects": []}))
+    gone, cut = tmp_path / "gone", tmp_path / "cut"
+    cut.mkdir()
+    (cut / "c1.json").write_text('{"part": "life_no')
     expected = "expected the truth that generate.py wrote"
     for one, other, why in (
         (gone, answers, f"{gone}: no such folder"),
         (answers, gone, f"{gone}: no such folder"),
         (empty, answers, f"{empty}: {expected}"),
-        (answers, empty, f"{answers}: {expected}"),
+        (answers, empty, f"{told}: {expected}"),
+        (cut, answers, f"{cut / 'c1.json'}: {expected}: Unterminated string"),
     ):
         monkeypatch.setattr("sys.argv", ["score", str(one), str(other)])
         with pytest.raises(SystemExit):
