@@ -348,7 +348,11 @@ class Measured:
         )
 
     def choose(
-        self, linear: LinearModel, models: Sequence[ErrorModel], softer_mm: Array | None = None
+        self,
+        linear: LinearModel,
+        models: Sequence[ErrorModel],
+        softer_mm: Array | None = None,
+        before: ErrorChoice | None = None,
     ) -> ErrorChoice:
         """Return the errors of these kinds beside a model about its fit.
 
@@ -362,16 +366,23 @@ class Measured:
             softer_mm=self.softer_mm if softer_mm is None else softer_mm,
         )
         rest = (MESH_REST * self.samples.deflection_mm) ** 2
-        return choose_errors(look, linear, self._columns_mm, rest, models)
+        return choose_errors(look, linear, self._columns_mm, rest, models, before)
 
 
-def learn(measured: Measured, base: Linearised, thickness_mm: Array) -> CampaignErrors:
+def learn(
+    measured: Measured,
+    base: Linearised,
+    thickness_mm: Array,
+    before: CampaignErrors | None = None,
+) -> CampaignErrors:
     """Return the errors as pure error sees them: repeats and roughness, whatever the model.
 
-    `thickness_mm` (u,) are `thickness_slopes`.
+    `thickness_mm` (u,) are `thickness_slopes`; `before` are the errors about another fit.
     """
     models = models_of(measured.records, thickness_mm)
-    return CampaignErrors((measured.choose(pure_error(measured, base, thickness_mm), models),))
+    pure = pure_error(measured, base, thickness_mm)
+    found = measured.choose(pure, models, before=None if before is None else before.pure)
+    return CampaignErrors((found,))
 
 
 def look_at_errors(
@@ -390,7 +401,7 @@ def look_at_errors(
         m for m in models_of(measured.records, thickness_mm)
         if m.name in best or pure.probability(m.name) > ERRORS.kind_kept
     ]  # fmt: skip
-    return measured.choose(one.of_free, models, own_softer_mm)
+    return measured.choose(one.of_free, models, own_softer_mm, before.looks[-1])
 
 
 def _sub(matrix: Array, kept: Mask) -> Array:

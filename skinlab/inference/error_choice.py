@@ -10,7 +10,7 @@ and by the prior (a defensive mixture: Hesterberg 1995, Technometrics 37:185).
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -27,6 +27,7 @@ from skinlab.inference.noise import roughness
 from skinlab.inference.settings import CHOICE, JUDGEMENT, KINDS, NOISE, POSTERIOR
 
 Array = NDArray[np.float64]
+Modes = Mapping[frozenset[str], Mapping[str, float]]  # logarithms, by the names of the parts
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,6 +80,7 @@ class ErrorChoice:
     mode: Covariance  # of the best combination
     weight: Array = field(repr=False)  # (nodes,) sums up to 1, by the linearised model
     unrounded: Covariance | None = None  # `mode` before readings are rounded, where they are
+    modes: Modes = field(default_factory=dict, repr=False)
 
     @cached_property
     def best(self) -> Combination:
@@ -166,15 +168,16 @@ def choose_errors(
     fixed_mm: Array,
     fixed_mm2: Array,
     models: Sequence[ErrorModel] | None = None,
+    before: ErrorChoice | None = None,
 ) -> ErrorChoice:
     """Return what errors these samples have.
 
     `linear` is the model about its fit; `fixed_mm` (u, m) and `fixed_mm2` (u,) are columns and
     variances of errors that are known beforehand: the mesh's; columns far below the noise are left
-    out. `models` are those to choose from,
-    all that there are if it is None. Of several processes in time, those that are always there
-    included, the evidence chooses one: the sum of two is not Markovian, and a curve hardly tells
-    them apart.
+    out. `models` are those to choose from, all that there are if it is None. Modes are looked for
+    from where those of `before` are: of the same samples beside another model. Of several processes
+    in time, those that are always there included, the evidence chooses one: the sum of two is not
+    Markovian, and a curve hardly tells them apart.
     """
     least = POSTERIOR.small * max(roughness(look.residual_mm), NOISE.least_mm)
     fixed_mm = fixed_mm[:, np.sqrt(np.square(fixed_mm).sum(axis=0)) > least]
@@ -190,8 +193,16 @@ def choose_errors(
         return Combination(parts, look.samples.time_s, look.samples.ends, fixed_mm, fixed_mm2)
 
     starts, slow = _starts(look, linear), _slow_starts(linear)
+
+    def explored(
+        parts: tuple[Part, ...], beside: Mapping[str, float], rival: float = -math.inf
+    ) -> _Explored:
+        one = combine(parts)
+        begin = {} if before is None else before.modes.get(one.names, {})
+        return _explore(one, linear, begin or {**starts, **beside}, slow, rival)
+
     sets = [(*plain, rival) for rival in rivals] or [plain]
-    tried = [_explore(combine(parts), linear, starts, slow) for parts in sets]
+    tried = [explored(parts, {}) for parts in sets]
 
     def grown(best: _Explored, others: Sequence[Part]) -> _Explored:
         """Return the best combination with one more part each time, until none gains."""
@@ -201,13 +212,7 @@ def choose_errors(
             more = [p for p in others if p.name not in taken]
             known = {e.combination.names for e in tried}
             found = [
-                _explore(
-                    combine((*best.combination.parts, part)),
-                    linear,
-                    {**starts, **best.mode},
-                    slow,
-                    best.log_evidence,
-                )
+                explored((*best.combination.parts, part), best.mode, best.log_evidence)
                 for part in more
                 if names | {part.name} not in known
             ]
@@ -240,11 +245,7 @@ def choose_errors(
             for model in models
             if model.name not in names and (part := part_of(model, above)) is not None
         ]
-        begin = {**starts, **best.mode}
-        instead = [
-            _explore(combine((*rest, part)), linear, begin, slow, best.log_evidence)
-            for part in waves
-        ]
+        instead = [explored((*rest, part), best.mode, best.log_evidence) for part in waves]
         tried.extend(instead)
         leader = max(instead, key=lambda e: e.log_evidence, default=best)
         if leader.log_evidence > best.log_evidence:
@@ -254,12 +255,12 @@ def choose_errors(
     early = [p for p in best.combination.parts if not p.always][:-1]
     while True:
         for part in early:
-            fewer = combine(tuple(p for p in best.combination.parts if p is not part))
-            if all(fewer.names != e.combination.names for e in tried):
-                begin = {**starts, **best.mode}
-                tried.append(_explore(fewer, linear, begin, slow, best.log_evidence))
-        before, best = best, max((e for e in tried if e.nodes), key=lambda e: e.log_evidence)
-        if best is before or look.samples.curves > 1:
+            fewer = tuple(p for p in best.combination.parts if p is not part)
+            left = best.combination.names - {part.name}
+            if all(left != e.combination.names for e in tried):
+                tried.append(explored(fewer, best.mode, best.log_evidence))
+        last, best = best, max((e for e in tried if e.nodes), key=lambda e: e.log_evidence)
+        if best is last or look.samples.curves > 1:
             break
         early = [p for p in best.combination.parts if not p.always]
     mixture = _scale_mixture(look, linear, best, combine, models)
@@ -307,7 +308,8 @@ def _collect(tried: Sequence[_Explored], best: _Explored) -> ErrorChoice:
     kept = weight[order] / weight[order].sum()
     plain = best.combination.unrounded
     unrounded = None if plain is None else plain.covariance(best.log_mode)
-    return ErrorChoice(tuple(nodes[i] for i in order), best.mode_covariance, kept, unrounded)
+    modes = {e.combination.names: e.mode for e in tried}
+    return ErrorChoice(tuple(nodes[i] for i in order), best.mode_covariance, kept, unrounded, modes)
 
 
 @dataclass(frozen=True, eq=False)
@@ -354,11 +356,14 @@ def _slow_starts(linear: LinearModel) -> tuple[float, float] | None:
 def _explore(
     combination: Combination,
     linear: LinearModel,
-    starts: dict[str, float],
+    starts: Mapping[str, float],
     slow: tuple[float, float] | None,
     rival: float = -math.inf,
 ) -> _Explored:
-    """Return the combination explored; from its mode alone if that is hopeless beside a rival."""
+    """Return the combination explored; from its mode alone if that is hopeless beside a rival.
+
+    A process that `starts` know was found already: it is not begun elsewhere.
+    """
     each = [p for part in combination.parts for p in part.parameters]
     at = np.array([starts.get(p.name, math.log(p.start or p.median)) for p in each])
     begun = _at_mode(combination, linear, at)
@@ -367,7 +372,8 @@ def _explore(
         for part in combination.parts
         for p in part.parameters
     ]
-    if slow is not None and any(lasting):
+    found = all(p.name in starts for p, lasts in zip(each, lasting, strict=True) if lasts)
+    if slow is not None and not found:
         at[lasting] = slow[1]
         at[[p.name == "white_um" for p in each]] = slow[0]
         other = _at_mode(combination, linear, at)

@@ -44,14 +44,14 @@ def samples_of(deflection_mm):
     return Samples(TIME, 100 * X, deflection_mm, np.full(N, "load"), zero, zero, zero, np.ones(N))
 
 
-def chosen(errors_mm, *, noise_um=None, models=None, pressure_sd=0.0, linear=None):
+def chosen(errors_mm, *, noise_um=None, models=None, pressure_sd=0.0, linear=None, before=None):
     linear = linear or LinearModel(errors_mm, SLOPES, PRECISION)
     slope = np.gradient(COURSE, 100 * X)
     look = Look(
         samples_of(COURSE + errors_mm), COURSE, slope, errors_mm, SLOPES,
         noise_um, np.full(N, pressure_sd), slope * pressure_sd,
     )  # fmt: skip
-    return choose_errors(look, linear, np.zeros((N, 0)), np.zeros(N), models)
+    return choose_errors(look, linear, np.zeros((N, 0)), np.zeros(N), models, before)
 
 
 def process(rng, size_um, time_s):
@@ -87,6 +87,35 @@ def test_errors_that_last_are_found_and_flagged():
         assert judged.noise_um == pytest.approx(np.sqrt(10), rel=0.5)
         assert "ou" in judged.summary.name
         assert judged.summary.why
+
+
+@pytest.mark.parametrize("bend_um", [0.0, 25.0])
+def test_modes_from_beside_another_model_lead_to_the_same_errors(bend_um):
+    """The model before left a bend, or nothing, where errors last or do not."""
+    rng = np.random.default_rng(7)
+    errors = white(rng, 1.0) + process(rng, 3.0 if bend_um else 0.0, 0.3)
+    before = chosen(errors + 1e-3 * bend_um * np.sin(3.0 * np.pi * X))
+    alone, again = chosen(errors), chosen(errors, before=before)
+    assert again.best.names == alone.best.names
+    for name in ("ou", "wander"):
+        assert again.probability(name) == pytest.approx(alone.probability(name), abs=0.05)
+    assert again.parameters() == pytest.approx(alone.parameters(), rel=0.05)
+
+
+def test_what_was_found_before_is_found_at_once(monkeypatch):
+    asked, errors = [], white(np.random.default_rng(8), 1.0)
+    before = chosen(errors)
+    plain = LinearModel.log_marginals
+
+    def counted(one, covariances):
+        asked.append(len(covariances))
+        return plain(one, covariances)
+
+    monkeypatch.setattr(LinearModel, "log_marginals", counted)
+    chosen(errors)
+    alone = sum(asked)
+    chosen(errors, before=before)
+    assert sum(asked) - alone < alone
 
 
 def test_errors_that_no_tremor_makes_are_a_misfit():
