@@ -91,6 +91,7 @@ class _Kept(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     alike: list[tuple[str, str]]
     posteriors: dict[tuple[str, ...], Posterior]
     learned_from_these: bool
+    unlike_model: tuple[str, ...]
     records: list[_KeptRecord]
 
 
@@ -141,6 +142,7 @@ def load(name: str, records: Sequence[Record], folder: Path | None = None) -> Ou
         placement=kept.placement,
         repeats_um=kept.repeats_um,
         learned_from_these=kept.learned_from_these,
+        unlike_model=kept.unlike_model,
     )  # fmt: skip
 
 
@@ -172,6 +174,7 @@ def save(name: str, outcome: Outcome, folder: Path | None = None) -> None:
         outcome.alike,
         outcome.posteriors,
         outcome.learned_from_these,
+        outcome.unlike_model,
         [_KeptRecord.of(r) for r in found.records],
     )
     content = msgspec.msgpack.encode(kept, enc_hook=_plain)

@@ -17,8 +17,9 @@ from skinlab.discrepancy.misfit import errors_of
 from skinlab.discrepancy.posterior import Posterior, sample
 from skinlab.discrepancy.records import records_of
 from skinlab.discrepancy.search import Search
-from skinlab.discrepancy.settings import ERRORS, NAMES
+from skinlab.discrepancy.settings import ERRORS
 from skinlab.discrepancy.table_domes import TableDomes
+from skinlab.discrepancy.unlike import contradicted
 from skinlab.errors import BrokenPluginError, InputError, NotTrustworthyError
 from skinlab.inference import flags
 from skinlab.inference.error_judgement import judge_errors
@@ -127,9 +128,8 @@ class ModelIdentifier(Identifier):
         base = search.learned_base()
         # The errors as this model sees them: there is no other explanation.
         errors = search.errors.looks[-1]
-        fitter = search.fitter.with_errors(search.fitter.records, errors.mode)
-        fit = fitter.near(base.fit) or base.fit.with_errors(search.fitter.errors, fitter.errors)
-        unlike = _contradicted(fitter, fit)
+        fitter, fit = search.as_last_seen(base.fit)
+        unlike = contradicted(fitter, fit)
         if unlike:
             return blank, unlike
         left = sample(fitter, fit, errors, np.random.default_rng(self.seed))
@@ -166,28 +166,6 @@ class ModelIdentifier(Identifier):
         if len(curves) > 1:
             return replace(found, outliers_by_file=outliers_by_file(members, search.kept)), []
         return _drawn(found, members[0], search.kept[0], fitter, fit), []
-
-
-def _contradicted(fitter: Fitter, fit: Fit) -> list[str]:
-    """Return the effects of which a fit without the model's priors of them is far better.
-
-    Another skin may have an effect of another size: a stretch of 1.6 % ± 0.04 % that was learned on
-    one skin made X2 a third of what it was on one with 3.2 %, and the misfit was called placement.
-    """
-    unknowns = fit.unknowns
-    own = [a for a in unknowns.axes if a.known and a.known.sd > 0.0 and not a.known.stated]
-    if not own:
-        return []
-    free = tuple(k if k.stated else replace(k, sd=0.0) for k in unknowns.known)
-    other = fitter.near(replace(fit, unknowns=replace(unknowns, known=free)))
-    if other is None or fit.cost - other.cost < NAMES.contradicted:
-        return []
-    far = {
-        axis.effect
-        for axis, u in zip(unknowns.axes, other.u[unknowns.count :], strict=True)
-        if axis in own and (u - axis.prior[0]) ** 2 > NAMES.contradicted * axis.prior[1] ** 2
-    }
-    return sorted(far)
 
 
 def _drawn(

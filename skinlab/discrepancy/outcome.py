@@ -50,6 +50,7 @@ class Outcome:
     placement: PlacementSummary | None = None
     repeats_um: float | None = None  # by which a curve differs from its repeats
     learned_from_these: bool = False  # the model was, so that its own priors were left aside
+    unlike_model: tuple[str, ...] = ()  # its effects whose size these curves contradict: likewise
 
     @property
     def best(self) -> Candidate:
@@ -114,6 +115,7 @@ class Outcome:
             "error_model": self.error_model and asdict(self.error_model),
             "placement": self.placement and asdict(self.placement),
             "learned_from_these": self.learned_from_these,
+            "unlike_model": list(self.unlike_model),
             "trials": [
                 {"name": t.name, "passed": t.passed, "sentence": t.sentence} for t in self.trials
             ],

@@ -139,10 +139,9 @@ class Search:
                 break
         return found
 
-    def run(self) -> Found:
-        """Return the base fit, the screen and the candidates."""
-        self.progress("fitting the model as it is")
-        base = self.learned_base()
+    def run(self, base: Candidate | None = None) -> Found:
+        """Return the base fit, which is `learned_base`'s, the screen and the candidates."""
+        base = self.learned_base() if base is None else base
         with Pool(self._workers, self.fitter) as pool:
             race = Race(pool, base, lambda fit: self.candidate(fit, base))
             pairs = PairSearch(self, race)
@@ -203,6 +202,7 @@ class Search:
         Raises:
             NotTrustworthyError: it has no answer at all for these curves.
         """
+        self.progress("fitting the model as it is")
         first = self.base()
         before, domes = self.fitter, self.fitter.domes
         linear = Linearised.of(first, before.errors, before.measured)
@@ -231,7 +231,7 @@ class Search:
         """Return the model's fit with the errors that are learned about a first one."""
         if records is not self._measured.records:
             self._measured = replace(self._measured, records=records)
-        self.errors = learn(self._measured, linear, self._thickness_mm)
+        self.errors = learn(self._measured, linear, self._thickness_mm, self._errors)
         return self._refitted(records, first)
 
     def _elsewhere(self, fit: Fit) -> Fit | None:
@@ -298,6 +298,11 @@ class Search:
             self.errors, self._measured, linear, self._thickness_mm, own_softer_mm=own_mm
         )
         return CampaignErrors((look,)).implausible
+
+    def as_last_seen(self, fit: Fit) -> tuple[Fitter, Fit]:
+        """Return the fitter with the errors as the last look has them, and the fit by these."""
+        fitter = self.fitter.with_errors(self.fitter.records, self.errors.looks[-1].mode)
+        return fitter, fitter.near(fit) or fit.with_errors(self.fitter.errors, fitter.errors)
 
     def linear(self, fit: Fit) -> Linearised:
         """Return an explanation about its fit."""

@@ -22,7 +22,12 @@ _ROWS = 6  # of a learned function
 
 
 def verdict_words(outcome: Outcome) -> str:
-    """Return the verdict in one sentence or two."""
+    """Return the verdict in a sentence or two, and of which own effects the sizes are others."""
+    unlike = CATALOGUE["unlike_model"].meaning
+    return " ".join([_verdict(outcome), *(unlike.format(e) for e in outcome.unlike_model)])
+
+
+def _verdict(outcome: Outcome) -> str:
     own = set(outcome.found.base.effects)
     names = [explanation_words(c, own) for c in outcome.verdict.explanations]
     match outcome.verdict.name:

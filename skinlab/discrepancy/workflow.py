@@ -26,6 +26,7 @@ from skinlab.discrepancy.screen import alike
 from skinlab.discrepancy.search import Search
 from skinlab.discrepancy.settings import ERRORS, NAMES, PLANS
 from skinlab.discrepancy.table_domes import TableDomes
+from skinlab.discrepancy.unlike import contradicted_by, still_contradicted
 from skinlab.discrepancy.verdict import (
     Verdict,
     decide,
@@ -60,7 +61,8 @@ def explain(
     the database cannot answer stay approximate. `partial` is told of what is known so far. The
     answer is the same for any number of workers; `seed` is that of the draws from the posterior.
     Where effects of the model were learned from a file of these curves, or from `data` (`sha256:…`
-    of what each curve says), what the model says of their size is left aside: they count once.
+    of what each curve says), what the model says of their size is left aside: they count once. So
+    it is where the curves contradict it, unless what is missing had seemed to be another size.
 
     Raises:
         InputError: a curve is too short, the database is of another law, or of one opening only.
@@ -92,7 +94,16 @@ def explain(
         progress=progress,
         partial=partial,
     )
-    found = search.run()
+    base = search.learned_base()
+    if unlike := contradicted_by(search, base.fit):
+        progress("trying other sizes of the model's own effects")
+        alone = explain(
+            campaign, database, model=model.without_learned(), workers=workers,
+            finite_elements=finite_elements, progress=progress, partial=partial, seed=seed,
+        )  # fmt: skip
+        if still_contradicted(search.unknowns, unlike, alone.posteriors[alone.best.effects]):
+            return replace(alone, unlike_model=tuple(unlike))
+    found = search.run(base)
     tried = _tried(search, found, _each_needed(search, found, decide(found)), progress)
     doubtful = found.base.left.p_value < ERRORS.no_doubt
     beaten = doubtful and tried.failed == {"families"}

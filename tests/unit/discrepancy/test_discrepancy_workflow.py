@@ -180,6 +180,27 @@ def test_curves_that_a_model_was_learned_from_count_once(table, off_zero, explai
     assert width(again) > 0.8 * width(first)
 
 
+@pytest.mark.long
+def test_what_a_model_says_and_the_curves_contradict_is_not_used(table, off_zero):
+    """It had been counted all the same: the verdict was none, and no interval held the truth."""
+
+    def told(mean_um):
+        known = EffectRange(mean_um, None, None, Normal(mean_um, 1.0))
+        model = Model(Header("m"), effects={"deflection_offset": {"offset_um": known}})
+        return explain(off_zero, table, model=model, finite_elements=False)
+
+    right, wrong = told(25.0), told(100.0)
+    assert right.unlike_model == ()
+    assert wrong.unlike_model == ("deflection_offset",)
+    assert document(wrong)["unlike_model"] == ["deflection_offset"]
+    assert right.verdict.name == wrong.verdict.name == "none"
+    known = wrong.parameters(wrong.best)["deflection_offset.offset_um"]
+    assert known["low"] < 25.0 < known["high"]
+    sentence = "contradict what the model says of the size of deflection_offset"
+    assert sentence in describe(wrong)
+    assert sentence not in describe(right)
+
+
 def test_the_cache_knows_whether_a_model_was_learned_from_these_data(table, off_zero, monkeypatch):
     """Its hash is without where it is from; whether its priors count depends on that."""
     asked = []
