@@ -78,16 +78,24 @@ def sines(at: Array, values: Values, names: tuple[str, ...]) -> Array:
 
 def bent(path: PressurePath, more: Callable[[Array], Array]) -> PressurePath:
     """Return the path with `more` added to its pressures, of which it is a smooth function."""
-    t, p = _cut(path)
+    step = max(path.top_mbar, 1.0) / _PIECES
+    t, p = _cut(path, np.abs(np.diff(path.pressure_mbar)) / step)
     return replace(path, time_s=tuple(t.tolist()), pressure_mbar=tuple((p + more(p)).tolist()))
 
 
-def _cut(path: PressurePath) -> tuple[Array, Array]:
-    """Return knots (k,) of the path, so close in suction that a smooth function may bend it."""
+def drifted(path: PressurePath, more: Callable[[Array], Array]) -> PressurePath:
+    """Return the path with `more` added, a smooth function of the time since it begins."""
+    lasts = np.diff(path.time_s)
+    t, p = _cut(path, lasts / max(lasts.sum() / _PIECES, 1e-9))
+    more_mbar = more(t - t[0])
+    return replace(path, time_s=tuple(t.tolist()), pressure_mbar=tuple((p + more_mbar).tolist()))
+
+
+def _cut(path: PressurePath, steps: Array) -> tuple[Array, Array]:
+    """Return knots (k,) of the path with each piece cut into so many `steps`; jumps stay whole."""
     t, p = np.array(path.time_s), np.array(path.pressure_mbar)
     lasts, rise = np.diff(t), np.diff(p)
-    step = max(path.top_mbar, 1.0) / _PIECES
-    pieces = np.where(lasts == 0, 1, np.maximum(1, np.ceil(np.abs(rise) / step).astype(int)))
+    pieces = np.where(lasts == 0, 1, np.maximum(1, np.ceil(steps).astype(int)))
     at = np.repeat(np.arange(len(pieces)), pieces)
     share = (np.arange(1, len(at) + 1) - (np.cumsum(pieces) - pieces)[at]) / pieces[at]
     return (

@@ -33,7 +33,7 @@ from skinlab.discrepancy.table_domes import TableDomes
 from skinlab.discrepancy.text import describe
 from skinlab.discrepancy.verdict import decide_learned
 from skinlab.mechanics.effects import all_effects, get_effect, library_names
-from skinlab.mechanics.effects.learned import Seen, bent, less_gain
+from skinlab.mechanics.effects.learned import Seen, bent, drifted, less_gain
 from skinlab.mechanics.effects.model import response, solve_skin
 from skinlab.mechanics.effects.strain_stiffening import CUBIC
 from skinlab.mechanics.fem.skin import Prony, Skin, SkinProblem, Term
@@ -83,6 +83,17 @@ def stuck(path):
         return np.array(found)
 
     return bent(path, more)
+
+
+def drifts(path):
+    """A channel whose zero falls by up to 4 mbar while a curve is measured."""
+    return drifted(path, lambda t: 4.0 * (1.0 - np.exp(-t / 6.0)))
+
+
+def gives(path, t, w):
+    """A window that gives by 0.2 µm per mbar, and half as much above 60 mbar."""
+    p = path(t)
+    return w - 1e-3 * (0.2 * p - 0.1 * np.maximum(p - 60.0, 0.0))
 
 
 def clipped(w):
@@ -185,6 +196,8 @@ def learn(hidden, table, *, finite_elements=False):
         pytest.param("play", RAMPS, {"felt": stuck}, marks=pytest.mark.long),
         pytest.param("sensor_range", RAMPS, {"sensor": clipped}, marks=pytest.mark.long),
         pytest.param("periodic", RAMPS, {"moves": strokes}, marks=pytest.mark.long),
+        pytest.param("frame", RAMPS, {"loop": gives}, marks=pytest.mark.long),
+        pytest.param("pressure_drift", HOLDS, {"felt": drifts}, marks=pytest.mark.long),
     ],
     ids=[
         "sensor",
@@ -200,6 +213,8 @@ def learn(hidden, table, *, finite_elements=False):
         "play",
         "clipped",
         "periodic",
+        "gives",
+        "drift",
     ],
 )
 def test_the_kind_of_what_is_hidden_is_found(table, family, plan, how):
@@ -429,6 +444,22 @@ def test_a_bent_suction_is_the_suction_where_nothing_is_learned():
     np.testing.assert_allclose(
         one.felt(path, values)(t), p + one.function(p, values), rtol=0, atol=0.05
     )
+
+
+def test_a_channel_that_drifts_is_another_suction_the_later_the_more():
+    path = PressurePath.of_program(parse_program("ramp:60@40,hold:5,ramp:0@40"))
+    one, t = get_effect("learned_pressure_drift"), np.linspace(0.0, 8.0, 161)
+    assert one.felt(path, one.full(one.zero)) is path
+    values = one.full({**one.zero, "c1_mbar": 3.0, "span_s": 10.0})
+    np.testing.assert_allclose(one.felt(path, values)(t), path(t) + 0.3 * t, atol=1e-9)
+
+
+def test_a_frame_that_gives_moves_the_record_whatever_the_dome():
+    one = get_effect("learned_frame")
+    values = one.full({**one.zero, "c1_um": 20.0, "span_mbar": 100.0})
+    p = np.linspace(0.0, 100.0, 21)
+    for w in (np.zeros(21), np.sqrt(p)):
+        np.testing.assert_allclose(one.read_along(p, p, w, values), w + 2e-4 * p, atol=1e-12)
 
 
 def test_a_forward_curve_has_what_was_learned():
