@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from drivers.events import Hello, Sample, TimedEvent
 from skinlab.curves.curve import Curve
 from skinlab.curves.probe_file import ProbeErrors, decode_probe
+from skinlab.curves.stated_skin import StatedSkin
 from skinlab.errors import InputError
 from skinlab.inference.stored import stored_result
 from skinlab.io.documents import read_json_object
@@ -295,7 +296,12 @@ def read_session(path: Path) -> Session:
     noise_um, pressure_mbar = stated_noise(stored.session.meta)
     curves = tuple(
         dc_replace(
-            c, source=source, probe=probe, noise_um=noise_um, pressure_noise_mbar=pressure_mbar
+            c,
+            source=source,
+            probe=probe,
+            noise_um=noise_um,
+            pressure_noise_mbar=pressure_mbar,
+            skin=stated_skin(str(path), stored.session.meta),
         )
         for c in stored.session.curves
     )
@@ -306,6 +312,11 @@ def _probe(meta: Mapping[str, Any]) -> ProbeErrors | None:
     """Return the calibration that a session was measured with."""
     text = (meta.get("identification") or {}).get("probe")
     return None if text is None else decode_probe(text, "the session's field identification.probe")
+
+
+def stated_skin(file: str, meta: Mapping[str, Any]) -> StatedSkin:
+    """Return whose skin was measured, and where, as a session states it; `file` is its name."""
+    return StatedSkin(file, *(str(meta.get(name) or "").strip() for name in ("subject", "site")))
 
 
 class _Noise(msgspec.Struct):
