@@ -28,6 +28,7 @@ from skinlab.cli.output import echo, echo_text, print_json
 if TYPE_CHECKING:
     from skinlab.inference.identify import Identifier
     from skinlab.recording.load_inputs import Input
+    from skinlab.recording.session import StatedModel
 
 
 @click.command(cls=MethodCommand)
@@ -73,7 +74,7 @@ def command(
     With --database the answer comes from a database of your own; if its model has effects, their
     parameters are identified too, as far as they are axes of it.
     A session that was measured with a probe file is read with it, and with the noise that was
-    stated when it was measured.
+    stated when it was measured; by the law alone, though, unless --model names its model.
     With --prior what a study knows of such people narrows the intervals; a skin that is unlike them
     keeps its own, and gets the flag unlike_cohort.
 
@@ -121,6 +122,8 @@ def command(
         try:
             given = read_input(path, geometry)
             taken.append(replace(given, curves=read_by(given.curves, probe_path)))
+            if given.model is not None and identifier.model_name is None:
+                _tell_model(path, given.model, database_given=options["database_path"] is not None)
         except InputError as error:
             taken.append(Identification(str(path), geometry, str(error)))
     read = [one for one in taken if isinstance(one, Input)]
@@ -208,6 +211,17 @@ def _each(identifier: Identifier, given: Input, workers: int) -> list[Any]:
 
     knowing = with_stated_noise(identifier, given.noise_um, given.pressure_noise_mbar)
     return identify_all(knowing, given.curves, workers)
+
+
+def _tell_model(path: Path, own: StatedModel, *, database_given: bool) -> None:
+    """Say that a session's own results are of a model, which these are not."""
+    known = None if database_given else own.database
+    option = "--model FILE" if known is None else f"--database {known}"
+    echo(
+        f"skinlab: {path}: its own results are of the model {own.name!r}, these are by the law "
+        f"alone; {option} gives the others",
+        err=True,
+    )
 
 
 def _check_together(read: list[Input]) -> None:
