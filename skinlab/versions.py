@@ -57,16 +57,17 @@ def plugin_words(stated: Mapping[str, str]) -> str:
     return " and ".join(found)
 
 
-def missing_plugins(stated: object, what: str = "it was recorded") -> str:
+def missing_plugins(stated: object, what: str = "it was recorded", told: str = "") -> str:
     """Return in words which plugins of a record's `versions` are not installed; empty: none.
 
-    `what` was done with them: how the sentence begins.
+    `what` was done with them: how the sentence begins. Those that an error has `told` are left out.
     """
     if not isinstance(stated, dict):
         return ""
     here = installed()
     names = [name.removeprefix(_PLUGIN) for name in stated if str(name).startswith(_PLUGIN)]
     missing = [f"{n} {str(stated[_PLUGIN + n]).partition(' ')[0]}" for n in names if n not in here]
+    missing = [one for one in missing if one not in told]
     if not missing:
         return ""
     one = len(missing) == 1

@@ -80,7 +80,7 @@ def identifier_of(
     try:
         return _identifier_of(session, database_path)
     except InputError as error:
-        missing = missing_plugins(session.meta.get("versions"))
+        missing = missing_plugins(session.meta.get("versions"), told=str(error))
         if not missing:
             raise
         raise InputError(f"{error}; {missing}") from None

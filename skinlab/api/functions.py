@@ -29,6 +29,7 @@ from skinlab.curves import campaign as campaigns
 from skinlab.curves import csv
 from skinlab.curves import curve as curves
 from skinlab.curves.distinct import check_distinct
+from skinlab.curves.one_skin import check_one_skin
 from skinlab.curves.program import Program, parse_program
 from skinlab.errors import InputError, NotTrustworthyError
 from skinlab.inference import result as identifications
@@ -164,13 +165,15 @@ def identify_joint(
     ones, unless the model has effects of rate or cycle.
 
     Raises:
-        InputError, NotTrustworthyError: as `identify`.
+        InputError, NotTrustworthyError: as `identify`; or the curves are of sessions of two people
+            or two sites.
     """
     stated = given if isinstance(given, campaigns.Campaign) else None
     several = tuple(given.curves if isinstance(given, campaigns.Campaign) else given)
     if not several or not all(isinstance(one, curves.Curve) for one in several):  # of a generator
         raise InputError("expected one curve or more, such as skinlab.read_curve returns")
     check_distinct(several)
+    _tell_whose(several)
     if isinstance(placement_scatter, str):
         if placement_scatter != "auto":
             raise InputError(f"placement_scatter {placement_scatter!r}: expected auto or a number")
@@ -272,11 +275,13 @@ def explain(
     workers: processes; None: one a core; same answers. cached: what was computed before is kept.
 
     Raises:
-        InputError: the campaign or the model cannot be used.
+        InputError: the campaign or the model cannot be used; or the curves are of two people or two
+            sites.
         NotTrustworthyError: the model does not hold for these curves.
     """
     if not isinstance(campaign, campaigns.Campaign):
         campaign = read_campaign(campaign)
+    _tell_whose(campaign.curves)
     table = find_table(database)
     base = base_model(model, table)
     outcome = outcome_of(campaign, base, table, workers=workers, cached=cached)
@@ -454,6 +459,16 @@ def study(
     for sentence in made.notices:
         _log.warning("%s", sentence)
     return Study(made, to)
+
+
+def _tell_whose(together: Sequence[curves.Curve]) -> None:
+    """Warn of what has to be known of whose skin curves together are of.
+
+    Raises:
+        InputError: they are of two people, or of two sites.
+    """
+    for sentence in check_one_skin(together):
+        warnings.warn(sentence, stacklevel=_CALLER + 1)
 
 
 def _with_note(error: BaseException, ends: list[tuple[Path, Any]]) -> BaseException:

@@ -141,13 +141,12 @@ def _progress(text: str) -> None:
 def _tell_partial(partial: Partial, report: Path | None) -> None:
     from skinlab.discrepancy.text import partial_words
     from skinlab.errors import InputError
-    from skinlab.io.files import write_file
-    from skinlab.text import inert_lines
+    from skinlab.report.missing_effect import write_partial
 
     text = partial_words(partial)
     echo_text(text, err=True)
     if report is not None:
         try:
-            write_file(report / "partial.txt", inert_lines(text) + "\n", replace=True)
+            write_partial(text, report)
         except InputError as error:  # it was interrupted all the same
             echo(f"skinlab: {error}", err=True)

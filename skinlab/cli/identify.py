@@ -28,6 +28,7 @@ from skinlab.cli.output import echo, echo_text, print_json
 if TYPE_CHECKING:
     from skinlab.inference.identify import Identifier
     from skinlab.recording.load_inputs import Input
+    from skinlab.recording.session import StatedModel
 
 
 @click.command(cls=MethodCommand)
@@ -67,12 +68,13 @@ def command(
 
     A CSV needs --aperture-mm and --thickness-mm. Its header is time_s,pressure_mbar,deflection_mm.
     Sessions and campaigns state aperture and thickness of each curve themselves.
-    With --joint all curves are explained by one skin; with --advise the measurement is named that
+    With --joint all curves are explained by one skin, and sessions of two people or two sites are
+    refused; with --advise the measurement is named that
     would narrow the intervals most (of all curves together, or of the first).
     With --database the answer comes from a database of your own; if its model has effects, their
     parameters are identified too, as far as they are axes of it.
     A session that was measured with a probe file is read with it, and with the noise that was
-    stated when it was measured.
+    stated when it was measured; by the law alone, though, unless --model names its model.
     With --prior what a study knows of such people narrows the intervals; a skin that is unlike them
     keeps its own, and gets the flag unlike_cohort.
 
@@ -84,7 +86,7 @@ def command(
 
     from skinlab.errors import InputError
     from skinlab.inference.result import Identification, document, not_trustworthy
-    from skinlab.recording.load_inputs import import_advice, read_input
+    from skinlab.recording.load_inputs import Input, import_advice, read_input
     from skinlab.report.text import describe, describe_advice
 
     if advise and options["method"] != "auto":
@@ -115,16 +117,21 @@ def command(
         geometry = Setup(aperture_mm, thickness_mm, thickness_sd_mm=thickness_sd_mm)
     elif csv_given:
         raise click.UsageError("a curve CSV needs --aperture-mm and --thickness-mm")
-    read: list[Input] = []
-    results: list[Identification] = []
+    taken: list[Input | Identification] = []
     for path in inputs:
         try:
             given = read_input(path, geometry)
-            read.append(replace(given, curves=read_by(given.curves, probe_path)))
+            taken.append(replace(given, curves=read_by(given.curves, probe_path)))
+            if given.model is not None and identifier.model_name is None:
+                _tell_model(path, given.model, database_given=options["database_path"] is not None)
         except InputError as error:
-            results.append(Identification(str(path), geometry, str(error)))
-            continue
-        results += _each(identifier, read[-1], workers)
+            taken.append(Identification(str(path), geometry, str(error)))
+    read = [one for one in taken if isinstance(one, Input)]
+    if joint:
+        _check_together(read)
+    results: list[Identification] = []
+    for one in taken:
+        results += _each(identifier, one, workers) if isinstance(one, Input) else [one]
     together = _together(identifier, read, placement_scatter) if joint and read else None
     advice = None
     if advise and (source := together or next((r for r in results if r.uncertainty), None)):
@@ -206,16 +213,40 @@ def _each(identifier: Identifier, given: Input, workers: int) -> list[Any]:
     return identify_all(knowing, given.curves, workers)
 
 
+def _tell_model(path: Path, own: StatedModel, *, database_given: bool) -> None:
+    """Say that a session's own results are of a model, which these are not."""
+    known = None if database_given else own.database
+    option = "--model FILE" if known is None else f"--database {known}"
+    echo(
+        f"skinlab: {path}: its own results are of the model {own.name!r}, these are by the law "
+        f"alone; {option} gives the others",
+        err=True,
+    )
+
+
+def _check_together(read: list[Input]) -> None:
+    """Say what has to be known of whose skin these are together, before anything is computed.
+
+    Raises:
+        InputError: one curve is there twice, or they are of two people or two sites.
+    """
+    from skinlab.curves.distinct import check_distinct
+    from skinlab.curves.one_skin import check_one_skin
+
+    curves = [curve for given in read for curve in given.curves]
+    check_distinct(curves)
+    for sentence in check_one_skin(curves):
+        echo(f"skinlab: {sentence}", err=True)
+
+
 def _together(identifier: Identifier, read: list[Input], scatter: float | str | None) -> Any:
     """Return the joint answer: of first cycles, or of all where the model has effects of those."""
     from dataclasses import replace
 
-    from skinlab.curves.distinct import check_distinct
     from skinlab.inference.batch import fitted_together, with_stated_noise
     from skinlab.text import counted
 
     everything = [curve for given in read for curve in given.curves]
-    check_distinct(everything)
     curves = fitted_together(identifier, everything)
     if len(curves) < len(everything):
         echo(

@@ -110,7 +110,7 @@ def read_campaign(path: Path) -> Campaign:
             curve, campaign=str(folder), noise_um=noise, pressure_noise_mbar=pressure_noise
         )
         curves.append(check_program(known))
-    _ask_about_labels(path, [entry.placement for entry in data.curve])
+    _ask_about_labels(path, [one for one in data.curve if one.placement is not None])
     return Campaign(
         data.campaign.title,
         data.campaign.noise_um,
@@ -120,10 +120,14 @@ def read_campaign(path: Path) -> Campaign:
     )
 
 
-def _ask_about_labels(path: Path, labels: Iterable[str | None]) -> None:
-    """Warn of labels of placements that may be meant as one: they count as they are written."""
+def _ask_about_labels(path: Path, labelled: Iterable[_CurveEntry]) -> None:
+    """Warn of labels of placements that cannot be meant so: they count as they are written."""
+    openings: dict[str, dict[float, list[str]]] = {}
+    for entry in labelled:
+        files = openings.setdefault(str(entry.placement), {}).setdefault(entry.aperture_mm, [])
+        files.append(entry.file)
     alike: dict[str, list[str]] = {}
-    for label in dict.fromkeys(one for one in labels if one is not None):
+    for label in openings:
         alike.setdefault(label.strip().casefold(), []).append(label)
     for written in alike.values():
         if len(written) > 1:
@@ -131,4 +135,11 @@ def _ask_about_labels(path: Path, labels: Iterable[str | None]) -> None:
             warn(
                 f"{path}: placements {names} are counted as {len(written)}; write them alike where "
                 "they are one"
+            )
+    for label, of in openings.items():
+        if len(of) > 1:
+            each = " and ".join(f"{mm:g} mm ({', '.join(files)})" for mm, files in of.items())
+            warn(
+                f"{path}: placement {label!r} is counted as one, through openings of {each}; a "
+                "probe that is put on once has one: give each a label of its own"
             )

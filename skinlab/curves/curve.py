@@ -15,6 +15,7 @@ from skinlab.errors import InputError
 
 if TYPE_CHECKING:
     from skinlab.curves.probe_file import ProbeErrors
+    from skinlab.curves.stated_skin import StatedSkin
 
 Array = NDArray[np.float64]
 
@@ -72,7 +73,8 @@ class Curve:
     calibration whose errors are in the readings; `corrected_by` the one whose errors were taken
     off them, and who leaves open what it does not know. `campaign` is the folder of the campaign,
     or the file of the session, that it is from: a label of a placement means nothing beyond.
-    `noise_um` and `pressure_noise_mbar`, standard deviations of one sample, are what that states.
+    `noise_um` and `pressure_noise_mbar`, standard deviations of one sample, are what that states,
+    and `skin` is whose it is, and where.
 
     Raises:
         InputError: lengths differ, a value is not finite, or time does not increase.
@@ -91,6 +93,7 @@ class Curve:
     campaign: str | None = None
     noise_um: float | None = None
     pressure_noise_mbar: float | None = None
+    skin: StatedSkin | None = None
     _phase: NDArray[np.str_] = field(init=False, repr=False)
 
     def __post_init__(self) -> None:

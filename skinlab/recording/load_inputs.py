@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from skinlab.curves.campaign import Campaign, read_campaign
 from skinlab.curves.csv import IMPORT, read_curve
@@ -13,17 +14,21 @@ from skinlab.curves.distinct import check_distinct
 from skinlab.errors import InputError
 from skinlab.io.files import file_hash, real_path
 
+if TYPE_CHECKING:
+    from skinlab.recording.session import StatedModel
+
 SESSIONS = frozenset({".h5", ".hdf5"})  # endings of their names
 
 
 @dataclass(frozen=True, eq=False)
 class Input:
-    """The curves of one file, and the sensors' noise where it states it."""
+    """The curves of one file, and what it states: the sensors' noise, the model of its results."""
 
     curves: tuple[Curve, ...]
     noise_um: float | None = None
     pressure_noise_mbar: float | None = None
     placement_scatter: float | None = None  # None: to be learned
+    model: StatedModel | None = None  # None: of the law alone, or there are no results
 
 
 def read_input(path: Path, setup: Setup | None) -> Input:
@@ -46,14 +51,15 @@ def read_input(path: Path, setup: Setup | None) -> Input:
         noise = campaign.noise_um, campaign.pressure_noise_mbar
         return Input(campaign.curves, *noise, campaign.placement_scatter)
     if suffix in SESSIONS:
-        from skinlab.recording.session import read_session, stated_noise
+        from skinlab.recording.session import read_session, stated_model, stated_noise
 
         session = read_session(path)
         named = tuple(
             replace(curve, name=f"{path}:{curve.name}", campaign=str(path))
             for curve in session.curves
         )
-        return Input(named, *stated_noise(session.meta))
+        noise = stated_noise(session.meta)
+        return Input(named, *noise, model=stated_model(session.meta))
     raise InputError(
         f"{path}: expected a curve (.csv), a session (.h5) or a campaign (.toml); {IMPORT}"
     )

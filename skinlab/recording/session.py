@@ -21,9 +21,10 @@ from numpy.typing import NDArray
 from drivers.events import Hello, Sample, TimedEvent
 from skinlab.curves.curve import Curve
 from skinlab.curves.probe_file import ProbeErrors, decode_probe
+from skinlab.curves.stated_skin import StatedSkin
 from skinlab.errors import InputError
 from skinlab.inference.stored import stored_result
-from skinlab.io.documents import read_json_object
+from skinlab.io.documents import read_json_object, read_toml
 from skinlab.io.files import file_hash, write_file
 from skinlab.io.hdf5 import open_hdf5, read_array
 from skinlab.recording.assembler import CurveAssembler
@@ -295,7 +296,12 @@ def read_session(path: Path) -> Session:
     noise_um, pressure_mbar = stated_noise(stored.session.meta)
     curves = tuple(
         dc_replace(
-            c, source=source, probe=probe, noise_um=noise_um, pressure_noise_mbar=pressure_mbar
+            c,
+            source=source,
+            probe=probe,
+            noise_um=noise_um,
+            pressure_noise_mbar=pressure_mbar,
+            skin=stated_skin(str(path), stored.session.meta),
         )
         for c in stored.session.curves
     )
@@ -306,6 +312,11 @@ def _probe(meta: Mapping[str, Any]) -> ProbeErrors | None:
     """Return the calibration that a session was measured with."""
     text = (meta.get("identification") or {}).get("probe")
     return None if text is None else decode_probe(text, "the session's field identification.probe")
+
+
+def stated_skin(file: str, meta: Mapping[str, Any]) -> StatedSkin:
+    """Return whose skin was measured, and where, as a session states it; `file` is its name."""
+    return StatedSkin(file, *(str(meta.get(name) or "").strip() for name in ("subject", "site")))
 
 
 class _Noise(msgspec.Struct):
@@ -324,6 +335,40 @@ def stated_noise(meta: Mapping[str, Any]) -> tuple[float | None, float | None]:
     except ValueError as error:
         raise InputError(f"the session's field identification is damaged ({error})") from None
     return stated.noise_um, stated.pressure_noise_mbar
+
+
+class _Header(msgspec.Struct):
+    name: str
+
+
+class _Model(msgspec.Struct):
+    model: _Header
+
+
+@dataclass(frozen=True)
+class StatedModel:
+    """How the model of a session's results is called, and the database that they are from."""
+
+    name: str
+    database: str | None  # the file; None: one that ships
+
+
+def stated_model(meta: Mapping[str, Any]) -> StatedModel | None:
+    """Return of which model a session's results are; None: of the law alone.
+
+    Only what it is called is read: its effects may be of plugins that are not here.
+
+    Raises:
+        InputError: what the session says of it is damaged.
+    """
+    settings = meta.get("identification") or {}
+    if settings.get("model") is None:
+        return None
+    try:
+        name = msgspec.convert(read_toml(settings["model"]), _Model).model.name
+        return StatedModel(name, settings.get("database_path"))
+    except (ValueError, TypeError) as error:
+        raise InputError(f"the session's field identification.model is damaged ({error})") from None
 
 
 def read_stored(path: Path) -> Stored:

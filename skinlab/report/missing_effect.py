@@ -33,7 +33,7 @@ from skinlab.mechanics.effects import get_effect
 from skinlab.mechanics.names import effect_words
 from skinlab.report.page import Illustration, Section, Table, page
 from skinlab.report.pictures import new_figure, style, to_data_uri
-from skinlab.text import inert
+from skinlab.text import inert, inert_lines
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -42,6 +42,8 @@ _NAME = "missing-effect.html"
 _FEW = 12  # points of a function that are drawn one by one
 _WIDE = 50.0  # a range that is drawn in its logarithm
 _MARK = "skinlab missing-effect report"
+_PARTIAL = "partial.txt"  # what an interrupted run knew
+_PARTIAL_MARK = "Interrupted"  # how its text begins
 
 
 def check_report(folder: Path) -> Path:
@@ -52,21 +54,40 @@ def check_report(folder: Path) -> Path:
     """
     to = folder / _NAME
     with cannot_write(to):
-        if to.exists() and _MARK not in to.read_text(encoding="utf-8", errors="replace"):
+        if to.exists() and _MARK not in _text(to):
             raise InputError(f"{to}: exists and is not a report of ours; expected another folder")
     check_can_write(to)
     return to
 
 
+def _text(path: Path) -> str:
+    return path.read_text(encoding="utf-8", errors="replace")
+
+
 def write_report(outcome: Outcome, folder: Path) -> Path:
     """Write the page into the folder; return its path.
+
+    What an interrupted run left there is removed: it is known now.
 
     Raises:
         InputError: as `check_report`.
     """
     to = check_report(folder)
     write_file(to, render(outcome), replace=True)
+    partial = folder / _PARTIAL
+    with cannot_write(partial):
+        if partial.is_file() and _text(partial).startswith(_PARTIAL_MARK):
+            partial.unlink()
     return to
+
+
+def write_partial(text: str, folder: Path) -> None:
+    """Write what an interrupted run knows, which the next report there removes.
+
+    Raises:
+        InputError: it cannot be written.
+    """
+    write_file(folder / _PARTIAL, inert_lines(text) + "\n", replace=True)
 
 
 def render(outcome: Outcome) -> str:

@@ -6,18 +6,18 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from skinlab.curves.stated_skin import StatedSkin, differ, two_people
 from skinlab.errors import InputError
 from skinlab.io.files import file_hash
-from skinlab.recording.session import Session, earlier, measured_utc
+from skinlab.recording.session import Session, earlier, measured_utc, stated_skin
+
+__all__ = ["Whose", "check_whose", "differ", "whose"]
 
 
 @dataclass(frozen=True)
-class Whose:
-    """What a session states of its skin; empty where nobody stated it."""
+class Whose(StatedSkin):
+    """What a session states of its skin, and which of its files it is."""
 
-    file: str
-    subject: str = ""
-    site: str = ""
     simulated: bool = False
     file_hash: str = ""  # of its bytes: a session may be there under two names
     measured_utc: str = ""
@@ -28,10 +28,11 @@ def whose(path: Path, session: Session) -> Whose:
     meta = session.meta
     instrument = meta.get("instrument")
     hello = instrument if isinstance(instrument, dict) else {}
+    stated = stated_skin(path.name, meta)
     return Whose(
-        path.name,
-        str(meta.get("subject") or "").strip(),
-        str(meta.get("site") or "").strip(),
+        stated.file,
+        stated.subject,
+        stated.site,
         bool(hello.get("simulated")),
         file_hash(path),
         measured_utc(meta),
@@ -56,12 +57,11 @@ def check_whose(
     if between_people and control is not None:
         raise InputError("a control is of one person; expected none between two people")
     notes = []
-    if differ(before.subject, after.subject):
+    if people := two_people(before, after):
         if not between_people:
             raise InputError(
-                f"{before.file} is of {before.subject} and {after.file} of {after.subject}; "
-                "expected two sessions of one person (`skinlab compare --between-people` takes "
-                "two people)"
+                f"{people}; expected two sessions of one person (`skinlab compare "
+                "--between-people` takes two people)"
             )
         notes.append(
             f"The difference is between two people ({before.subject} and {after.subject}), not a "
@@ -91,11 +91,6 @@ def check_whose(
     return tuple(notes)
 
 
-def differ(one: str, other: str) -> bool:
-    """Return whether both are stated and differ."""
-    return bool(one and other) and one.casefold() != other.casefold()
-
-
 def _same(one: Whose, other: Whose) -> bool:
     """Return whether both are the same file, if under two names."""
     return bool(one.file_hash) and one.file_hash == other.file_hash
@@ -109,11 +104,8 @@ def _check_control(control: Whose, before: Whose, after: Whose, every: Sequence[
                 "that was left alone"
             )
     for one in every:
-        if differ(control.subject, one.subject):
-            raise InputError(
-                f"control {control.file} is of {control.subject} and {one.file} of {one.subject}; "
-                "expected a control site of the same person"
-            )
+        if people := two_people(control, one):
+            raise InputError(f"control {people}; expected a control site of the same person")
 
 
 def _of_sites(before: Whose, after: Whose) -> list[str]:

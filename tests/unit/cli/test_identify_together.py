@@ -5,11 +5,13 @@ from __future__ import annotations
 import json
 
 import numpy as np
+import pytest
 
 import skinlab
 from skinlab.cli.main import run
 from skinlab.curves.csv import write_curve
 from skinlab.curves.curve import Curve, Setup
+from skinlab.errors import InputError
 from skinlab.mechanics.fem.suction import Geometry
 
 RAMP = "ramp:100@20"
@@ -121,3 +123,30 @@ def test_a_scatter_of_placements_is_of_curves_together(capsys, tmp_path, table):
     status, out, err = call(capsys, "identify", path, "--placement-scatter", "0.05")
     assert (status, out) == (2, "")
     assert "--placement-scatter is for --joint" in err
+
+
+def test_sessions_of_two_people_or_sites_are_no_one_skin(capsys, tmp_path, table):
+    """They were one answer, without a word about who."""
+    rng = np.random.default_rng(6)
+    path = campaign(tmp_path / "c", table, [rng.normal(0.0, 2.0, 100) for _ in range(4)])
+    files, told = [], (("P-1", "forearm"), ("P-2", "cheek"), ("P-1", "cheek"), ("P-1", ""))
+    for i, (subject, site) in enumerate(told):
+        files.append(tmp_path / f"s{i}.h5")
+        who = ("--subject", subject, *(("--site", site) if site else ()))
+        given = ("--aperture-mm", "6", "--thickness-mm", "1.1", "--out", files[i])
+        assert call(capsys, "import", path.parent / f"c{i}.csv", *who, *given)[0] == 0
+    arm, man, cheek, somewhere = files
+    of_two = f"{arm} is of P-1 and {man} of P-2; expected curves of one person, as one skin is"
+    of_sites = f"the sites differ ({arm} is of forearm and {cheek} of cheek); expected curves of"
+    for other, says in ((man, of_two), (cheek, of_sites)):
+        status, out, err = call(capsys, "identify", arm, other, "--joint", "--json")
+        assert (status, out) == (3, "")
+        assert err.startswith(f"skinlab: {says}")
+        curves = [*skinlab.read_session(arm).curves, *skinlab.read_session(other).curves]
+        with pytest.raises(InputError, match="expected curves of one"):
+            skinlab.identify_joint(curves)
+        with pytest.raises(InputError, match="expected curves of one"):
+            skinlab.explain(skinlab.Campaign("two", None, None, tuple(curves)))
+    assert call(capsys, "identify", arm, man)[0] == 0
+    status, _, err = call(capsys, "identify", arm, somewhere, "--joint")
+    assert (status, err) == (0, f"skinlab: Nobody stated the site of {somewhere}.\n")

@@ -75,6 +75,22 @@ def test_labels_of_placements_that_are_nearly_alike_are_told(tmp_path, capsys, o
     assert capsys.readouterr().err == (f"skinlab: {path}: {told}\n" if told else "")
 
 
+def test_one_placement_through_several_openings_is_told(tmp_path, capsys):
+    """A probe that is put on once has one opening."""
+    entry = CAMPAIGN[CAMPAIGN.index("[[curve]]") :]
+    other = entry.replace("6.0", "2.0").replace("a.csv", "b.csv")
+    (tmp_path / "b.csv").write_text(CURVE)
+    labelled = f'{CAMPAIGN}placement = "u"\n' + 2 * f'{other}placement = "u"\n'
+    labelled += f'{entry}placement = "v"\n'
+    path = write(tmp_path, labelled)
+    assert placements_of(read_campaign(path).curves) == [0, 0, 0, 1]
+    assert capsys.readouterr().err == (
+        f"skinlab: {path}: placement 'u' is counted as one, through openings of 6 mm (a.csv) "
+        "and 2 mm (b.csv, b.csv); a probe that is put on once has one: give each a label of its "
+        "own\n"
+    )
+
+
 @pytest.mark.parametrize(
     ("old", "new", "says"),
     [

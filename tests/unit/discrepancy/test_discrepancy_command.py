@@ -18,6 +18,7 @@ from skinlab.errors import InputError
 from skinlab.mechanics.effects.model import Skin, response
 from skinlab.mechanics.fem.suction import Geometry
 from skinlab.mechanics.model_file import read_model
+from skinlab.report.missing_effect import write_report
 
 SKIN = Skin((0.04, 1.5, 0.32))
 
@@ -145,6 +146,13 @@ def test_an_interrupted_run_says_what_it_knows(campaign, tmp_path, capsys, monke
     assert run(["discrepancy", str(campaign), "--workers", "1", "--report", str(report)]) == 130
     assert "more than noise" in capsys.readouterr().err
     assert "more than noise" in (report / "partial.txt").read_text()
+    # A finished report takes its place: "known so far" stood beside it
+    monkeypatch.setattr("skinlab.report.missing_effect.render", lambda _: "")
+    page = write_report(None, report)
+    assert list(report.iterdir()) == [page]
+    page.unlink()
+    (report / "partial.txt").write_text("of somebody else")
+    write_report(None, report).unlink()
     (report / "partial.txt").unlink()
     (report / "partial.txt").mkdir()
     assert run(["discrepancy", str(campaign), "--workers", "1", "--report", str(report)]) == 130

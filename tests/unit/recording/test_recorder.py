@@ -118,6 +118,28 @@ def test_a_session_whose_method_is_not_installed_here_says_so(grid):
         identifier_of(session)
 
 
+LEAKS = """
+[model]
+name = "leaks"
+[effects.seal_leak.leak_mbar]
+value = 3.0
+"""
+ADOPTED = '[provenance.versions]\n"plugin sealed" = "0.1.0 27ab12cd34ef"\n'
+
+
+@pytest.mark.parametrize("model", [LEAKS, LEAKS + ADOPTED], ids=["written", "adopted"])
+def test_a_session_names_a_plugin_that_it_lacks_once(grid, model):
+    """The model, if it was adopted, and the session both know of it."""
+    settings = identification_settings(Identifier(grid)) | {"model": model}
+    versions = {"plugin sealed": "0.1.0 27ab12cd34ef"}
+    session = session_from_records({"identification": settings, "versions": versions}, [])
+    with pytest.raises(InputError) as told:
+        identifier_of(session)
+    said = str(told.value)
+    assert "effects.seal_leak is not known" in said
+    assert said.count("the plugin sealed 0.1.0, which is not installed here") == 1
+
+
 def test_a_session_that_records_the_options_of_all_methods_is_still_read(grid):
     settings = identification_settings(Identifier(grid, method="rls"))
     del settings["options"]
