@@ -135,6 +135,7 @@ def outcome():
         verdict=Verdict("named", [best]),
         learned=None,
         learned_from_these=(),
+        unlike_model=(),
         found=SimpleNamespace(
             base=base, candidates=[best, second], records=records, implausible="", left_out={}
         ),

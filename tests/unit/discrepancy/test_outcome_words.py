@@ -59,7 +59,7 @@ def test_what_is_ahead_is_never_said_to_be_behind():
 def unknown(*candidates, trials=(), implausible="", base_p=1e-9):
     found = Found(candidate([], 0.0, base_p), {}, list(candidates), implausible=implausible)
     return verdict_words(
-        SimpleNamespace(verdict=Verdict("unknown", []), found=found, trials=trials)
+        SimpleNamespace(verdict=Verdict("unknown", []), found=found, trials=trials, unlike_model=())
     )
 
 
@@ -110,6 +110,7 @@ def doubted(*failed, base_p, effects=(ZERO,), would=1.3):
         verdict=Verdict("none", []), found=found, best=found.base, trials=trials,
         doubted=replace(one),
         learned=None,
+        unlike_model=(),
         parameters=lambda c: {
             "X1_MPa": {"value": would if c.effects else 1.0, "low": 0.9, "high": 1.1}
         },
