@@ -216,13 +216,11 @@ def _share_rows(outcome: Outcome) -> Rows:
 
 
 def _value_rows(outcome: Outcome, columns: int) -> Rows:
-    """Return the law's values before and after, as intervals on one scale each."""
+    """Return what the model has, its own effects too, before and after, on one scale each."""
     before = outcome.parameters(outcome.found.base)
     after = outcome.parameters(outcome.best) if outcome.verdict.explanations else {}
     rows: Rows = [[("Values, with 90 % intervals:", "quiet")]]
     for name in before:
-        if is_effects(name):
-            continue
         pairs = [("before", before[name])] + ([("after", after[name])] if name in after else [])
         values = [(when, Value(**found)) for when, found in pairs]
         ends = [x for _, v in values for x in (v.low, v.high) if x is not None]

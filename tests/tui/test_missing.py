@@ -355,6 +355,15 @@ def test_the_size_is_of_what_is_missing_and_of_whom_is_said(with_model):
     assert "natural_tension" not in alone
 
 
+def test_the_values_of_the_models_own_effects_are_shown(with_model):
+    alone = replace(with_model, verdict=Verdict("none", []))
+    for outcome in (with_model, alone):
+        said = ["".join(text for text, _ in row) for row in outcome_rows(outcome, 80)]
+        at = next(i for i, line in enumerate(said) if line.startswith(" natural_tension stretch"))
+        assert "1.025 (1.021–1.030)" in said[at + 1]
+        assert not any(line.startswith(" pressure_lag lag") for line in said)  # it is missing
+
+
 # ---- the model ------------------------------------------------------------------------------
 
 
