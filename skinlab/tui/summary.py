@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from skinlab.mechanics.names import unit_of
+from skinlab.mechanics.names import beyond_zero, unit_of
 from skinlab.report.rounding import decimals, rounded
 from skinlab.report.verdict import Use
 from skinlab.tui.value_text import name_of
@@ -98,12 +98,13 @@ def repeats_lines(groups: Iterable[Repeats], out: Mapping[int, str] | None = Non
         lines.append(f"Curves {_numbers(group.curves)} ({what}):")
         values = []
         for name, mean in group.mean.items():
-            sd, unit = group.sd[name], unit_of(name)
-            # One digit of the scatter, and three of the mean where there is next to none
-            places = decimals(0.0, 5.0 * max(sd, 0.01 * abs(mean)))
+            sd, unit, size = group.sd[name], unit_of(name), beyond_zero(name, mean)
+            # One digit of the scatter, and three of the size where there is next to none
+            places = decimals(0.0, 5.0 * max(sd, 0.01 * size))
+            share = f" ({100 * sd / size:.0f} %)" if size > sd else ""  # else it says nothing
             values.append(
                 f"{name_of(name)} {rounded(mean, places)} ± {rounded(sd, places)}"
-                f"{unit and ' '}{unit} ({100 * sd / abs(mean):.0f} %)"
+                f"{unit and ' '}{unit}{share}"
             )
         if values:
             lines.append(f"  {', '.join(values)}")

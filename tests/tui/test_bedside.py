@@ -153,6 +153,19 @@ def test_a_mean_without_scatter_keeps_its_digits():
     assert "X1 0.0246 ± 0.0000 MPa (0 %)" in repeats_lines([same])[1]
 
 
+@pytest.mark.parametrize(
+    ("name", "mean", "sd", "said"),
+    [
+        ("natural_tension.stretch", 1.0252, 0.0004, "stretch 1.0252 ± 0.0004 (2 %)"),
+        ("natural_tension.stretch", 1.0002, 0.0011, "stretch 1.000 ± 0.001"),  # no effect
+        ("nu", 0.0, 0.0, "ν 0.00 ± 0.00"),
+    ],
+)
+def test_scatter_is_of_what_differs_from_no_effect(name, mean, sd, said):
+    group = Repeats(6.0, "mode1", True, (1, 2), {name: mean}, {name: sd})
+    assert repeats_lines([group])[1].endswith(said)
+
+
 @pytest.mark.long
 async def test_changed_says_what_could_have_been_shown(bedside):
     async with bedside() as bed:
