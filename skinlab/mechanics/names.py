@@ -71,6 +71,12 @@ def unit_of(name: str) -> str:
     return "" if found is None else found.unit
 
 
+def beyond_zero(name: str, value: float) -> float:
+    """Return how far a value is from the one that is no effect: 0.025 of a stretch of 1.025."""
+    found = parameter_of(name)
+    return abs(value - ((found.zero if found is not None else None) or 0.0))
+
+
 def is_logarithmic(name: str) -> bool:
     """Return whether fits look for it, and people scatter, evenly in its logarithm."""
     found = parameter_of(name)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import hashlib
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import datetime
@@ -22,7 +23,7 @@ from skinlab.acquisition.protocol import (
 )
 from skinlab.curves.curve import Setup
 from skinlab.errors import InputError
-from skinlab.mechanics.names import plain
+from skinlab.mechanics.names import beyond_zero, plain
 from skinlab.recording.audit import entries
 from skinlab.recording.session import Session
 from skinlab.recording.session_fit import excluded_of
@@ -166,7 +167,8 @@ def _scatter(protocol: Protocol, state: StepState) -> list[str]:
         values = [c.parameters[name].value for c in state.accepted if name in c.parameters]
         if len(values) < 2 or state.left:
             continue
-        scatter = 100.0 * float(np.std(values, ddof=1)) / abs(float(np.mean(values)))
+        size = beyond_zero(name, float(np.mean(values)))
+        scatter = 100.0 * float(np.std(values, ddof=1)) / size if size > 0 else math.inf
         if scatter > percent:
             found.append(
                 f"{plain(name)[0]} scatters by {scatter:.2g} % over its repeats, not {percent:g} %"

@@ -26,6 +26,7 @@ class Step(StrEnum):
     CHECK_SETTINGS = "check_settings"
     LOWER = "lower"  # pressure, or a smaller opening
     LOOK_FOR_EFFECT = "look_for_effect"
+    LOOK_AGAIN = "look_again"  # for it, with this curve too
     OTHER_OPENING = "other_opening"
     REST = "rest"
     REPEAT_TO_CONFIRM = "repeat_to_confirm"
@@ -67,14 +68,23 @@ class Judged(Protocol):
 
 # The numbers would be of the instrument, and not of the skin
 _SPOILT = frozenset({"no_contact", "saturated", "frozen"})
+FOR_EFFECT = "it is for the missing effect, and alone tells no parameters"
 # They change what a curve is compared with, and not whether it is one
 _REMARKS = frozenset({"not_first_cycle", "lost_frames"})
 
 
 def judge(
-    result: Judged | None, findings: Sequence[Finding], cut: str | None, *, partial: bool
+    result: Judged | None,
+    findings: Sequence[Finding],
+    cut: str | None,
+    *,
+    partial: bool,
+    for_effect: bool = False,
 ) -> Verdict | None:
-    """Return the verdict; None: there is no answer yet, and nothing else against the curve."""
+    """Return the verdict; None: there is no answer yet, and nothing else against the curve.
+
+    A curve `for_effect` was measured to tell explanations apart: it need not tell parameters.
+    """
     against = [f for f in findings if f.gate not in _REMARKS]
     if spoilt := [f for f in against if f.gate in _SPOILT]:
         return Verdict(Use.NOT, spoilt[0].sentence, Step.ADVICE, spoilt[0].advice)
@@ -87,8 +97,12 @@ def judge(
     if result is None:
         return None
     if result.error is not None:
-        return Verdict(Use.NOT, f"not identified ({result.error})", Step.MEASURE_AGAIN)
-    return _of_flags(result.flags)
+        found = Verdict(Use.NOT, f"not identified ({result.error})", Step.MEASURE_AGAIN)
+    else:
+        found = _of_flags(result.flags)
+    if for_effect and found.use is not Use.GOOD and "outside_database" not in result.flags:
+        return Verdict(Use.GOOD, FOR_EFFECT, Step.LOOK_AGAIN)
+    return found
 
 
 def _of_flags(flags: Sequence[str]) -> Verdict:
@@ -138,6 +152,7 @@ _STEPS = {
     Step.LOWER: "Measure to a lower pressure, or through a smaller opening.",
     Step.LOOK_FOR_EFFECT: "Measure again with the probe held still; if it stays so, look for what "
     "the model misses.",
+    Step.LOOK_AGAIN: "Look again for what the model misses, with this curve.",
     Step.OTHER_OPENING: "Measure the rested site with another opening too, and fit together.",
     Step.REST: "Compare it with later loadings only, or let the site rest.",
     Step.REPEAT_TO_CONFIRM: "Repeat it to see how much it scatters.",

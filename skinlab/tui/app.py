@@ -6,6 +6,7 @@ import contextlib
 import os
 import sys
 import time
+from collections import deque
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
@@ -174,6 +175,8 @@ class SkinlabApp(PartedApp):
         self.board.study = study
         self.failure: Exception | None = None  # a bug that ended the app
         self._leaving = False
+        self._begun = False
+        self._ahead: deque[events.Key] = deque()  # typed before the main screen was there
         self._clock = clock
         self._protocol_steps = ProtocolSteps(self)
         self._starting = Starting(self, settings, self._protocol_steps)
@@ -193,7 +196,12 @@ class SkinlabApp(PartedApp):
         return main
 
     def on_ready(self) -> None:
+        """Begin once the main screen has its parts; the app may run before."""
+        self.main.call_later(self.call_later, self._begin)
+
+    def _begin(self) -> None:
         """Connect, and load what identification needs meanwhile."""
+        self._begun = True
         self.main.begin()
         self._tick()
         self.set_interval(_TICK_S, self._tick)
@@ -205,6 +213,7 @@ class SkinlabApp(PartedApp):
         else:
             self._starting.connect(self.board.port)
         self.perform("preparing", self.bench.analysis.prepare)
+        self.call_later(self._catch_up)
 
     def _see_again(self) -> None:
         """Take the terminal's size, if its news of that was lost, and draw all of the screen."""
@@ -389,7 +398,16 @@ class SkinlabApp(PartedApp):
             # Textual would let a line that is typed in, of a list or a note, take the letter
             self.action_vent()
             return
-        await super().on_event(event)
+        if key is not None and (self._ahead or not self._begun):
+            self._ahead.append(key)
+        else:
+            await super().on_event(event)
+
+    async def _catch_up(self) -> None:
+        """Do what the first key does that waits; those behind it once what it opened is there."""
+        if self._ahead:
+            await super().on_event(self._ahead.popleft())
+            self.call_later(self._catch_up)
 
     @property
     def _vent_keys(self) -> list[str]:
@@ -433,8 +451,7 @@ class SkinlabApp(PartedApp):
         elif isinstance(self.screen, _LEFT_BY_VENT):
             self.pop_screen()
         self.main.set_focus(None)
-        if self.main.is_mounted:
-            self.main.draw()
+        self.main.draw()
 
     def action_help(self) -> None:
         """Open the help, unless an alarm is to be read; close it where it is open."""

@@ -136,6 +136,8 @@ def _following(board: Board, verdict: Verdict) -> str:
             return "F3: check opening, thickness, program; then F8"
         case Step.LOOK_FOR_EFFECT:
             return "hold still and repeat (F8); if it stays, d says why"
+        case Step.LOOK_AGAIN:
+            return "d, then d again: looks with this curve too"
         case Step.OTHER_OPENING if len(openings) > 1:
             return "s, then j: fit the openings together"
         case Step.OTHER_OPENING:

@@ -22,6 +22,7 @@ from skinlab.tui.plot_data import round_up
 from skinlab.tui.value_text import digits, meaning, name_of, scaled_bar, shortened, value_scale
 
 if TYPE_CHECKING:
+    from skinlab.discrepancy.candidates import Candidate
     from skinlab.discrepancy.outcome import Outcome
     from skinlab.tui.shown import Missing
 
@@ -67,20 +68,29 @@ def outcome_rows(outcome: Outcome, columns: int, lines: int = 0) -> Rows:
 
 
 def verdict_lines(outcome: Outcome) -> list[str]:
-    """Return the verdict in a sentence with its doubt, the effect's size, and the gap."""
+    """Return the verdict in a sentence with its doubt, the effect's size, and the gap.
+
+    Where explanations are tied, the size of each.
+    """
     from skinlab.discrepancy.text import gap_words, lead_words, verdict_words
 
     lines = [" ".join([verdict_words(outcome), *lead_words(outcome)])]
-    if outcome.verdict.explanations and outcome.learned is None:
-        after = outcome.parameters(outcome.best)
-        sizes = [
-            f"{plain(name)[0]} {size_words(name, Value(**value))}, {meaning(name)}"
-            for name, value in after.items()
-            if is_effects(name)
-        ]
-        if sizes:
-            lines.append(f"Its size: {'; '.join(sizes)}.")
+    if outcome.learned is None:
+        lines += [_effect_size_words(outcome, c) for c in outcome.verdict.explanations[:_MOST]]
     return [*lines, gap_words(outcome)]
+
+
+def _effect_size_words(outcome: Outcome, explanation: Candidate) -> str:
+    """Return the size of what an explanation adds to the model, and not of the model's own."""
+    added = [effect for effect in explanation.effects if effect not in outcome.found.base.effects]
+    sizes = [
+        f"{plain(name)[0]} {size_words(name, Value(**value))}, {meaning(name)}"
+        for name, value in outcome.parameters(explanation).items()
+        if name.partition(".")[0] in added and is_effects(name)
+    ]
+    tied = len(outcome.verdict.explanations) > 1
+    which = f", if it is {' and '.join(added)}" if tied else ""
+    return f"Its size{which}: {'; '.join(sizes)}."
 
 
 def next_lines(outcome: Outcome) -> list[str]:
@@ -206,13 +216,11 @@ def _share_rows(outcome: Outcome) -> Rows:
 
 
 def _value_rows(outcome: Outcome, columns: int) -> Rows:
-    """Return the law's values before and after, as intervals on one scale each."""
+    """Return what the model has, its own effects too, before and after, on one scale each."""
     before = outcome.parameters(outcome.found.base)
     after = outcome.parameters(outcome.best) if outcome.verdict.explanations else {}
     rows: Rows = [[("Values, with 90 % intervals:", "quiet")]]
     for name in before:
-        if is_effects(name):
-            continue
         pairs = [("before", before[name])] + ([("after", after[name])] if name in after else [])
         values = [(when, Value(**found)) for when, found in pairs]
         ends = [x for _, v in values for x in (v.low, v.high) if x is not None]

@@ -51,6 +51,7 @@ class MissingKeys(Part):
             case "load" if outcome is not None and outcome.next_measurement is not None:
                 following = outcome.next_measurement
                 self.fields.put("repeats", "1")
+                self.board.advise(following.aperture_mm, following.program)
                 self.load(following.aperture_mm, following.program)
             case _:
                 pass

@@ -34,6 +34,7 @@ class Live:
     findings: list[Finding] = field(default_factory=list)
     estimate: Identification | None = None  # of what there is so far
     began_s: float | None = None  # by the clock of `tick`
+    for_effect: bool = False  # measured as the search for what is missing advised
 
     @property
     def setup(self) -> Setup:
@@ -61,6 +62,7 @@ class Entry:
     at: datetime | None = None  # when it was complete, in local time
     began_s: float | None = None  # by the clock of `tick`
     ended_s: float | None = None
+    for_effect: bool = False  # measured as the search for what is missing advised
 
     @property
     def setup(self) -> Setup:
@@ -70,7 +72,13 @@ class Entry:
     @property
     def verdict(self) -> Verdict | None:
         """Whether it can be used; None: not known yet."""
-        return judge(self.result, self.findings, self.cut, partial=self.curve.partial)
+        return judge(
+            self.result,
+            self.findings,
+            self.cut,
+            partial=self.curve.partial,
+            for_effect=self.for_effect,
+        )
 
 
 @dataclass(frozen=True, slots=True)

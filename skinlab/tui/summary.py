@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from skinlab.mechanics.names import unit_of
+from skinlab.mechanics.names import beyond_zero, unit_of
 from skinlab.report.rounding import decimals, rounded
-from skinlab.report.verdict import Use
+from skinlab.report.verdict import Step, Use
 from skinlab.tui.value_text import name_of
 
 if TYPE_CHECKING:
@@ -41,10 +41,13 @@ def left_out(entries: Iterable[Entry], excluded: Mapping[int, str]) -> dict[int,
     found = {}
     for entry in entries:
         reason, verdict = excluded.get(entry.index), entry.verdict
+        cut = entry.curve.partial or entry.cut is not None
         if reason is not None:
             found[entry.index] = reason
-        elif entry.curve.partial or entry.cut is not None:
+        elif cut:
             found[entry.index] = "cut short"
+        elif verdict is not None and verdict.step is Step.LOOK_AGAIN:
+            found[entry.index] = verdict.why
         elif entry.result is None or not entry.result.parameters:
             found[entry.index] = "not identified"
         elif verdict is not None and verdict.use is Use.NOT:
@@ -98,12 +101,13 @@ def repeats_lines(groups: Iterable[Repeats], out: Mapping[int, str] | None = Non
         lines.append(f"Curves {_numbers(group.curves)} ({what}):")
         values = []
         for name, mean in group.mean.items():
-            sd, unit = group.sd[name], unit_of(name)
-            # One digit of the scatter, and three of the mean where there is next to none
-            places = decimals(0.0, 5.0 * max(sd, 0.01 * abs(mean)))
+            sd, unit, size = group.sd[name], unit_of(name), beyond_zero(name, mean)
+            # One digit of the scatter, and three of the size where there is next to none
+            places = decimals(0.0, 5.0 * max(sd, 0.01 * size))
+            share = f" ({100 * sd / size:.0f} %)" if size > sd else ""  # else it says nothing
             values.append(
                 f"{name_of(name)} {rounded(mean, places)} ± {rounded(sd, places)}"
-                f"{unit and ' '}{unit} ({100 * sd / abs(mean):.0f} %)"
+                f"{unit and ' '}{unit}{share}"
             )
         if values:
             lines.append(f"  {', '.join(values)}")
@@ -112,7 +116,7 @@ def repeats_lines(groups: Iterable[Repeats], out: Mapping[int, str] | None = Non
             f"{'do' if len(of) > 1 else 'does'} not fix it; j fits them together"
             for name, of in group.loose.items()
         ]
-    lines += [f"Curve {index} is left out: {why}" for index, why in (out or {}).items()]
+    lines += [f"Curve {index} is in no mean: {why}" for index, why in (out or {}).items()]
     return lines
 
 

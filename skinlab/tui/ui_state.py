@@ -42,7 +42,8 @@ from skinlab.acquisition.messages import (
     Went,
 )
 from skinlab.acquisition.protocol import OPERATOR
-from skinlab.curves.curve import Curve
+from skinlab.curves.curve import Curve, Setup
+from skinlab.curves.program import Program, parse_program
 from skinlab.errors import InputError
 from skinlab.recording.curve_selection import Ledger
 from skinlab.recording.stream import (
@@ -137,6 +138,7 @@ class Board:
         self.joint: Identification | None = None  # of the curves that are used
         self.compared: list[str] = []  # with another session, in sentences
         self.missing: Missing | None = None  # what was looked for in the curves
+        self._advised: set[tuple[float, Program]] = set()  # by it, and loaded
         self.model: str | None = None  # that was adopted, by its name
         self.second_card = False  # the Cutometer's numbers in the place of the values
         self.reference: Reference | None = None  # to compare values with
@@ -596,6 +598,7 @@ class Board:
             self.entries.clear()
             self.ledger, self.joint, self.compared = Ledger(), None, []
             self.missing = self.goal_is = None
+            self._advised.clear()
             self.session += 1
         self._done("connecting")
         if goes_on:
@@ -612,7 +615,9 @@ class Board:
     def _hear(self, message: Message, at: datetime | None) -> None:
         match message:
             case CurveStarted(index, curve):
-                self.live = Live(index, curve, began_s=self._now_s)
+                self.live = Live(
+                    index, curve, began_s=self._now_s, for_effect=self._is_advised(curve.setup)
+                )
                 self.shown = None
                 self.begun_at = self.begun_at or at
             case Sampled(index, sample):
@@ -628,6 +633,7 @@ class Board:
                     cut,
                     lost,
                     findings=[] if live is None else live.findings,
+                    for_effect=self._is_advised(curve.setup),
                     visit=self.visit,
                     at=at,
                     began_s=None if live is None else live.began_s,
@@ -645,12 +651,21 @@ class Board:
                 of = self.live if self.live and self.live.index == index else None
                 whose = of or self.entries.get(index)
                 if whose is not None:
+                    if whose.for_effect and finding.gate == "too_few_points":
+                        return  # as advised
                     whose.findings.append(finding)
                 # The line of the verdict says it, for as long as it holds
                 note = f"curve {index}: {finding.sentence}; {finding.advice}"
                 self.told.append((note, Level.WARNING))
             case Happened(event):
                 self._happened(event)
+
+    def advise(self, aperture_mm: float, program: str) -> None:
+        """Remember what the search for what is missing advised, once it is loaded."""
+        self._advised.add((aperture_mm, parse_program(program)))
+
+    def _is_advised(self, setup: Setup) -> bool:
+        return (setup.aperture_mm, setup.program) in self._advised
 
     def _load(self, index: int, sample: Sample) -> None:
         """Count what the site has had."""

@@ -15,9 +15,18 @@ from skinlab.acquisition.messages import Connected, Done, Heard, Over, Went
 from skinlab.curves.curve import Setup
 from skinlab.curves.growing import GrowingCurve
 from skinlab.curves.program import parse_program
+from skinlab.inference.result import Identification
 from skinlab.quality.gates.base import Finding
 from skinlab.recording.session import example_session, read_session
-from skinlab.recording.stream import CurveStarted, Happened, Sampled
+from skinlab.recording.stream import (
+    CurveCompleted,
+    CurveStarted,
+    Flagged,
+    Happened,
+    Identified,
+    Sampled,
+)
+from skinlab.report.verdict import FOR_EFFECT, Use
 from skinlab.tui.card_text import verdict_text
 from skinlab.tui.summary import Repeats, left_out, repeats, repeats_lines
 from skinlab.tui.text import dose_text, where_text
@@ -144,13 +153,46 @@ def test_only_what_is_alike_is_averaged():
     assert group.mean.keys() == {"X1_MPa", "X2_MPa"}  # no mean over what no curve fixes
     text = "\n".join(repeats_lines([group], out))
     assert "first loadings" in text
-    assert "Curve 2 is left out: cut short" in text
+    assert "Curve 2 is in no mean: cut short" in text
     assert "ν: no mean" in text
 
 
 def test_a_mean_without_scatter_keeps_its_digits():
     same = Repeats(6.0, "ramp:100@20", True, (1, 2), {"X1_MPa": 0.02464}, {"X1_MPa": 0.0})
     assert "X1 0.0246 ± 0.0000 MPa (0 %)" in repeats_lines([same])[1]
+
+
+def test_what_tells_explanations_apart_is_not_scolded_for_its_few_samples():
+    board = connected_board()
+    curve = entry_of(1).curve
+    board.advise(curve.setup.aperture_mm, str(curve.setup.program))
+    few = Finding("too_few_points", "the first loading has 5 samples", "use a slower ramp")
+    unknown = Identification("curve 1", curve.setup, "too few samples")
+    growing = CurveStarted(1, GrowingCurve(curve.setup))
+    for news in (growing, Flagged(1, few), CurveCompleted(1, curve, None, 0), Flagged(1, few)):
+        board.see(Heard((news,)))
+    board.see(Heard((Identified(1, curve, unknown),)))
+    (entry,) = board.entries.values()
+    assert entry.verdict.words == f"Good curve: {FOR_EFFECT}"
+    assert verdict_text(board).following.startswith("d, then d again")
+    assert left_out([entry], {}) == {1: FOR_EFFECT}
+    entry.result = replace(entry_of(1).result, flags=("at_bound:X1_MPa",))
+    assert entry.verdict.why == FOR_EFFECT
+    board.entries[1].for_effect = False  # the same, not asked for
+    assert entry.verdict.use is Use.NOT
+
+
+@pytest.mark.parametrize(
+    ("name", "mean", "sd", "said"),
+    [
+        ("natural_tension.stretch", 1.0252, 0.0004, "stretch 1.0252 ± 0.0004 (2 %)"),
+        ("natural_tension.stretch", 1.0002, 0.0011, "stretch 1.000 ± 0.001"),  # no effect
+        ("nu", 0.0, 0.0, "ν 0.00 ± 0.00"),
+    ],
+)
+def test_scatter_is_of_what_differs_from_no_effect(name, mean, sd, said):
+    group = Repeats(6.0, "mode1", True, (1, 2), {name: mean}, {name: sd})
+    assert repeats_lines([group])[1].endswith(said)
 
 
 @pytest.mark.long

@@ -6,6 +6,7 @@ import re
 import threading
 from dataclasses import replace
 from functools import partial
+from types import SimpleNamespace
 
 import pytest
 from explained import UP, UP_AND_DOWN, campaign
@@ -29,6 +30,7 @@ from skinlab.tui.missing import (
     missing_rows,
     outcome_rows,
     size_words,
+    verdict_lines,
 )
 from skinlab.tui.screens.main import MainScreen
 from skinlab.tui.screens.missing import MissingScreen
@@ -306,6 +308,60 @@ def test_each_curve_has_its_picture_before_and_after_on_one_scale(named, columns
 def test_the_pictures_grow_with_the_screen(named):
     small, large, huge = (len(outcome_rows(named, 160, lines)) for lines in (0, 60, 500))
     assert small < large <= huge < small + 60  # and not without end
+
+
+OWN = {"natural_tension.stretch": {"value": 1.0252, "low": 1.021, "high": 1.03}}
+LAG = {"pressure_lag.lag_s": {"value": 0.023, "low": 0.017, "high": 0.028}}
+
+
+def of_effects(candidate, *effects):
+    fit = candidate.fit
+    return replace(candidate, fit=replace(fit, unknowns=replace(fit.unknowns, effects=effects)))
+
+
+@pytest.fixture
+def with_model(named):
+    """The answer to a model with an effect of its own: what it misses is tied."""
+    base = of_effects(named.found.base, "natural_tension")
+    law = named.parameters(named.found.base)
+    offset = {n: v for n, v in named.parameters(named.best).items() if "." in n}
+    known = {("natural_tension",): {**law, **OWN}}
+    known[("natural_tension", "deflection_offset")] = {**law, **OWN, **offset}
+    known[("natural_tension", "pressure_lag")] = {**law, **OWN, **LAG}
+    tied = [of_effects(named.best, *names) for names in list(known)[1:]]
+    return replace(
+        named,
+        found=replace(named.found, base=base, candidates=tied),
+        verdict=Verdict("ambiguous", tied),
+        posteriors={names: SimpleNamespace(parameters=all_of) for names, all_of in known.items()},
+    )
+
+
+def test_the_size_is_of_what_is_missing_and_of_whom_is_said(with_model):
+    said = [line for line in verdict_lines(with_model) if "Its size" in line]
+    assert [line.partition(":")[0] for line in said] == [
+        "Its size, if it is deflection_offset",
+        "Its size, if it is pressure_lag",
+    ]
+    assert not any("natural_tension" in line for line in said)
+    assert "pressure_lag lag 23 ms (17–28)" in said[1]
+    first = with_model.verdict.explanations[:1]
+    (alone,) = (
+        line
+        for line in verdict_lines(replace(with_model, verdict=Verdict("named", first)))
+        if "Its size" in line
+    )
+    assert alone.startswith("Its size: deflection_offset")
+    assert "natural_tension" not in alone
+
+
+def test_the_values_of_the_models_own_effects_are_shown(with_model):
+    alone = replace(with_model, verdict=Verdict("none", []))
+    for outcome in (with_model, alone):
+        said = ["".join(text for text, _ in row) for row in outcome_rows(outcome, 80)]
+        at = next(i for i, line in enumerate(said) if line.startswith(" natural_tension stretch"))
+        assert "1.025 (1.021–1.030)" in said[at + 1]
+        assert not any(line.startswith(" pressure_lag lag") for line in said)  # it is missing
 
 
 # ---- the model ------------------------------------------------------------------------------

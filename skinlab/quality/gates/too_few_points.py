@@ -17,7 +17,7 @@ def _check(view: CurveSoFar) -> Finding | None:
     return Finding(
         GATE.name,
         f"the first loading {says} {samples}; {TIMES.fewest} are the fewest for three parameters",
-        "use a slower ramp or a higher sample rate",
+        "use a slower ramp or a higher sample rate, unless `discrepancy` advised this program",
     )
 
 

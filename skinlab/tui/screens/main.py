@@ -144,9 +144,9 @@ class MainScreen(Screen[None]):
         self.set_interval(1 / _FRAMES_PER_S, self.draw)
 
     def draw(self) -> None:
-        """Draw the board where it changed; nothing once the screen is being taken down."""
+        """Draw the board where it changed; nothing before the parts are there, or once they go."""
         board = self._board
-        if not self.display or self._answer_is_near():
+        if not self.is_mounted or not self.display or self._answer_is_near():
             return
         if board.version == self._drawn:
             self._look()  # the layout may have followed by now
