@@ -195,7 +195,7 @@ class Probe:
             self._link = self._open_link(self._port)
             if self._seen is not None:
                 self._watchdog.reconnected(self._clock())
-            self._engine = Engine(
+            engine = Engine(
                 self._link,
                 connect(self._dialect, self._limits),
                 self._clock,
@@ -203,16 +203,15 @@ class Probe:
                 self._on_bytes,
                 self._watchdog,
             )
-            self._seen = self._engine
             self._verified = False
-            self._thread = threading.Thread(
-                target=self._engine.run, name=f"probe {self.url}", daemon=True
-            )
-            self._thread.start()
+            thread = threading.Thread(target=engine.run, name=f"probe {self.url}", daemon=True)
+            thread.start()
+            # Who closes or vents meanwhile finds an engine that runs, or none.
+            self._thread, self._seen, self._engine = thread, engine, engine
             atexit.register(self.close)
             try:
                 wait_s = DEFAULTS.open_timeout_s if timeout_s is None else timeout_s
-                hello = self._meet(self._engine, wait_s)
+                hello = self._meet(engine, wait_s)
             except BaseException:
                 self.close()
                 raise

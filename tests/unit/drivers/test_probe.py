@@ -478,3 +478,22 @@ def test_vent_overtakes_what_waits(make_bench):
     bench.link.hook = vent
     with pytest.raises(LocalProtocolError, match=r"^Load was abandoned: vent \(hand\)$"):
         bench.probe.load(RAMP, 20)
+
+
+def test_closing_while_the_port_opens_is_no_error(make_bench, monkeypatch):
+    """Who closed before the thread ran joined one that had not begun, and let go of nothing."""
+    bench, errors = make_bench(), []
+    start = threading.Thread.start
+
+    def closed_first(thread):
+        if thread.name.startswith("probe "):
+            try:
+                bench.probe.close()
+            except RuntimeError as error:
+                errors.append(error)
+        start(thread)
+
+    monkeypatch.setattr(threading.Thread, "start", closed_first)
+    bench.probe.open()
+    bench.probe.close()
+    assert errors == []
