@@ -96,6 +96,11 @@ def gives(path, t, w):
     return w - 1e-3 * (0.2 * p - 0.1 * np.maximum(p - 60.0, 0.0))
 
 
+def saturates(w):
+    """A sensor of which 0.4 mm is nearly the end."""
+    return w - 0.8 * np.maximum(w - 0.4, 0.0)
+
+
 def clipped(w):
     """A sensor that loses four tenths of what is above 0.7 of each curve."""
     return w - 0.4 * np.maximum(w - 0.7 * w.max(), 0.0)
@@ -170,7 +175,8 @@ def learn(hidden, table, *, finite_elements=False):
 @pytest.mark.parametrize(
     ("family", "plan", "how"),
     [
-        pytest.param("sensor_curve", RAMPS, {"sensor": bump}, marks=pytest.mark.long),
+        # Both are curves of the sensor, by its height.
+        pytest.param("sensor_curve|sensor_knee", RAMPS, {"sensor": bump}, marks=pytest.mark.long),
         pytest.param(
             "pressure_curve",
             (*RAMPS, (6.0, "ramp:60@20,ramp:0@20")),
@@ -194,7 +200,8 @@ def learn(hidden, table, *, finite_elements=False):
         pytest.param("sensor_loop|loop", RAMPS, {"loop": sticks}, marks=pytest.mark.long),
         pytest.param("creep", HOLDS, {"loop": yields}, marks=pytest.mark.long),
         pytest.param("play", RAMPS, {"felt": stuck}, marks=pytest.mark.long),
-        pytest.param("sensor_range", RAMPS, {"sensor": clipped}, marks=pytest.mark.long),
+        pytest.param("range_knee", RAMPS, {"sensor": clipped}, marks=pytest.mark.long),
+        pytest.param("sensor_knee", RAMPS, {"sensor": saturates}, marks=pytest.mark.long),
         pytest.param("periodic", RAMPS, {"moves": strokes}, marks=pytest.mark.long),
         pytest.param("frame", RAMPS, {"loop": gives}, marks=pytest.mark.long),
         pytest.param("pressure_drift", HOLDS, {"felt": drifts}, marks=pytest.mark.long),
@@ -212,6 +219,7 @@ def learn(hidden, table, *, finite_elements=False):
         "creep",
         "play",
         "clipped",
+        "saturates",
         "periodic",
         "gives",
         "drift",
@@ -296,7 +304,8 @@ def test_a_family_says_what_it_is(one):
     own = one.name[len("learned_") :]
     kinds = {
         "loop": "history", "play": "history", "sensor_loop": "history", "dome_loop": "history",
-        "sensor_range": "sensor_curve", "motion": "periodic", "wander": "time", "creep": "time",
+        "sensor_range": "sensor_curve", "sensor_knee": "sensor_curve", "range_knee": "sensor_curve",
+        "motion": "periodic", "wander": "time", "creep": "time",
     }  # fmt: skip
     assert one.family == kinds.get(own, own)
     assert one.name not in library_names()
