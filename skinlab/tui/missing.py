@@ -14,7 +14,7 @@ import numpy as np
 
 from skinlab.discrepancy.odds import each_behind, odds_words
 from skinlab.inference.result import Value
-from skinlab.mechanics.names import is_effects, parameter_of, plain
+from skinlab.mechanics.names import parameter_of, plain
 from skinlab.report.rounding import best_words, interval_words
 from skinlab.tui.canvas import Bits, dots, runs, share
 from skinlab.tui.curve_drawing import Run
@@ -86,7 +86,7 @@ def _effect_size_words(outcome: Outcome, explanation: Candidate) -> str:
     sizes = [
         f"{plain(name)[0]} {size_words(name, Value(**value))}, {meaning(name)}"
         for name, value in outcome.parameters(explanation).items()
-        if name.partition(".")[0] in added and is_effects(name)
+        if name.partition(".")[0] in added
     ]
     tied = len(outcome.verdict.explanations) > 1
     which = f", if it is {' and '.join(added)}" if tied else ""

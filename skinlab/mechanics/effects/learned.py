@@ -21,6 +21,7 @@ from skinlab.mechanics.effects.base import Array, Effect, Parameter, Values
 
 PRIOR_SIZES = 3.0  # a prior's standard deviation, in typical sizes: that of every effect
 _SOURCE = "a smooth function of unknown form; its size is learned from the data"
+_EVEN_MBAR = 20.0
 _PIECES = 60  # of the highest suction: how finely a path is cut before it is bent
 
 
@@ -51,6 +52,12 @@ def coefficients(count: int, unit: str, most: float, typical: float) -> tuple[Pa
     )  # fmt: skip
 
 
+def nearly_line(unit: str, most: float, typical: float, bent: float) -> tuple[Parameter, ...]:
+    """Return the coefficients of `line_and_sines`; `bent` is how large the others are beside it."""
+    first, *others = coefficients(4, unit, most, typical)
+    return first, *(replace(p, typical=bent * p.typical) for p in others)
+
+
 def roughness(k: int) -> float:
     """Return the standard deviation of coefficient k, in that of the first.
 
@@ -74,6 +81,20 @@ def sines(at: Array, values: Values, names: tuple[str, ...]) -> Array:
     return np.asarray(
         sum(values[n] * np.sin((k - 0.5) * np.pi * x) for k, n in enumerate(names, start=1))
     )
+
+
+def line_and_sines(even: Array, at: Array, values: Values, names: tuple[str, ...]) -> Array:
+    """Return a line along shares `even` (n,) of the range, and `sines` along shares `at` (n,)."""
+    first, *others = names
+    return np.asarray(values[first] * np.clip(even, -1.0, 1.0) + sines(at, values, tuple(others)))
+
+
+def suction_share(pressure_mbar: Array, span_mbar: float) -> Array:
+    """Return shares (n,) of a range of suctions, of which openings differ in theirs.
+
+    Evenly up to 20 mbar, beyond in the logarithm.
+    """
+    return np.asarray(np.arcsinh(pressure_mbar / _EVEN_MBAR) / np.arcsinh(span_mbar / _EVEN_MBAR))
 
 
 def bent(path: PressurePath, more: Callable[[Array], Array]) -> PressurePath:

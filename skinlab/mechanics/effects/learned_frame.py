@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
 from skinlab.mechanics.effects.base import Array, Values
-from skinlab.mechanics.effects.learned import LearnedEffect, Seen, coefficients, sines, span
+from skinlab.mechanics.effects.learned import (
+    LearnedEffect,
+    Seen,
+    line_and_sines,
+    nearly_line,
+    span,
+    suction_share,
+)
 
 _BENT = 0.03  # of the line: how much the others are beforehand; instruments give nearly as springs
-_LINEAR_MBAR = 20.0  # up to here evenly, beyond in the logarithm: openings differ in their suctions
 
 
 class LearnedFrame(LearnedEffect):
@@ -32,10 +36,7 @@ class LearnedFrame(LearnedEffect):
     physical = False
     range_name = "span_mbar"
     parameters = (
-        *(
-            replace(p, typical=p.typical * (1.0 if k == 0 else _BENT))
-            for k, p in enumerate(coefficients(4, "µm", 300.0, 40.0))
-        ),
+        *nearly_line("µm", 300.0, 40.0, _BENT),
         span("span_mbar", "mbar", "suction up to which the frame is known", 10.0, 1000.0, 400.0),
     )
     x_name = "pressure_mbar"
@@ -61,11 +62,8 @@ class LearnedFrame(LearnedEffect):
 
     def function(self, at: Array, values: Values) -> Array:
         """Return what is read too much (m,), µm, at these suctions."""
-        first, *others = self.names
         whole = values["span_mbar"]
-        x = np.arcsinh(at / _LINEAR_MBAR) / np.arcsinh(whole / _LINEAR_MBAR)
-        even = values[first] * np.clip(at / whole, -1.0, 1.0)
-        return np.asarray(even + sines(x, values, tuple(others)))
+        return line_and_sines(at / whole, suction_share(at, whole), values, self.names)
 
     def sentence(self, x: Array, y: Array) -> str:
         """Say by how much the record moves."""

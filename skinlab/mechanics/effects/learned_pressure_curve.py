@@ -14,15 +14,8 @@ from skinlab.mechanics.effects.learned import (
     less_gain,
     sines,
     span,
+    suction_share,
 )
-
-_LINEAR_MBAR = 20.0  # up to here evenly, beyond in the logarithm: openings differ in their suctions
-
-
-def _share(pressure_mbar: Array, span_mbar: float) -> Array:
-    return np.asarray(
-        np.arcsinh(pressure_mbar / _LINEAR_MBAR) / np.arcsinh(span_mbar / _LINEAR_MBAR)
-    )
 
 
 class LearnedPressureCurve(LearnedEffect):
@@ -60,7 +53,7 @@ class LearnedPressureCurve(LearnedEffect):
 
     def function(self, at: Array, values: Values) -> Array:
         """Return how much more suction is felt (m,), mbar, than is read."""
-        return sines(_share(at, values["span_mbar"]), values, self.names)
+        return sines(suction_share(at, values["span_mbar"]), values, self.names)
 
     def shown(self, x: Array, y: Array) -> Array:
         """Leave a gain out."""

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
 from skinlab.curves.pressure_path import PressurePath
@@ -11,9 +9,9 @@ from skinlab.mechanics.effects.base import Array, Values
 from skinlab.mechanics.effects.learned import (
     LearnedEffect,
     Seen,
-    coefficients,
     drifted,
-    sines,
+    line_and_sines,
+    nearly_line,
     span,
 )
 
@@ -37,11 +35,9 @@ class LearnedPressureDrift(LearnedEffect):
     order = 1
     range_name = "span_s"
     parameters = (
-        *(replace(p, typical=p.typical * (1.0 if k == 0 else _BENT)) for k, p in enumerate(
-            coefficients(4, "mbar", 50.0, 1.0)
-        )),
+        *nearly_line("mbar", 50.0, 1.0, _BENT),
         span("span_s", "s", "time up to which the drift is known", 0.1, 10000.0, 10.0),
-    )  # fmt: skip
+    )
     x_name = "time_s"
     y_name = "felt_more_mbar"
 
@@ -61,10 +57,8 @@ class LearnedPressureDrift(LearnedEffect):
 
     def function(self, at: Array, values: Values) -> Array:
         """Return how much more suction is felt (m,), mbar, than is read."""
-        first, *others = self.names
         share = at / values["span_s"]
-        even = values[first] * np.clip(share, 0.0, 1.0)
-        return np.asarray(even + sines(share, values, tuple(others)))
+        return line_and_sines(share, share, values, self.names)
 
     def sentence(self, x: Array, y: Array) -> str:
         """Say how far the channel drifts."""
