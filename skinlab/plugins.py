@@ -57,6 +57,24 @@ class Origin:
     version: str
 
 
+class _AtWork:
+    """`Registry.at_work`: a class, since fits enter it often, and a generator is slow."""
+
+    __slots__ = ("_name", "_who")
+
+    def __init__(self, who: Callable[[str], str | None], name: str) -> None:
+        self._who, self._name = who, name
+
+    def __enter__(self) -> None:
+        pass
+
+    def __exit__(self, kind: object, error: BaseException | None, trace: object) -> None:
+        if isinstance(error, (Exception, SystemExit)) and not isinstance(error, SkinlabError):
+            who = self._who(self._name)
+            if who is not None:
+                raise broken(who, error) from error
+
+
 class Registry(Generic[T]):
     """The extensions of one kind; looked for when first asked.
 
@@ -123,22 +141,13 @@ class Registry(Generic[T]):
         origin = self.origin(name)
         return None if origin is None else f"plugin {origin.distribution}, {self.kind} {name!r}"
 
-    @contextlib.contextmanager
-    def at_work(self, name: str) -> Iterator[None]:
+    def at_work(self, name: str) -> _AtWork:
         """Name an installed one that breaks down while this lasts.
 
         Raises:
             BrokenPluginError: it did; an error of what is built in comes through as it is.
         """
-        try:
-            yield
-        except SkinlabError:
-            raise  # a sentence already
-        except (Exception, SystemExit) as error:
-            who = self.who(name)
-            if who is None:
-                raise
-            raise broken(who, error) from error
+        return _AtWork(self.who, name)
 
     def refused(self) -> dict[str, str]:
         """Return why, by name, installed extensions are not there."""

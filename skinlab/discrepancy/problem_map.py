@@ -85,10 +85,15 @@ class ProblemMap:
         first: dict[PressurePath, int] = {}
         return [first.setdefault(r.path, i) for i, r in enumerate(self.records)]
 
+    @cached_property
+    def measured(self) -> list[PressurePath]:
+        """The paths as they were measured: what is felt where no effect changes it."""
+        return [self.records[i].path for i in self.paths]
+
     def _felt(self, effects: Chosen, more_mbar: float = 0.0) -> list[PressurePath]:
         changing = [(e, v) for e, v in effects if type(e).felt is not Effect.felt]
         if not more_mbar and not changing:
-            return [self.records[i].path for i in self.paths]
+            return self.measured
         # Most candidates differ in something else: the same paths are recognised as such.
         name = (more_mbar, *((e.name, tuple(v.values())) for e, v in changing))
         if name in self._felt_known:

@@ -144,6 +144,14 @@ class MappedModel:
         ]
 
     @cached_property
+    def _by_key(self) -> dict[Key, list[int]]:
+        """The records of each key, of repeats the first."""
+        found: dict[Key, list[int]] = {}
+        for i in sorted(set(self._twins)):
+            found.setdefault(key_of(self.records[i]), []).append(i)
+        return found
+
+    @cached_property
     def _repeats(self) -> list[int]:
         """Return of each record the first one whose suction went about the same way.
 
@@ -167,21 +175,21 @@ class MappedModel:
         off = self._from_anchor(u)
         domes = self._domes_of_all(candidates) if candidates else {}
         relaxations = {key: _relaxation([c.problems[key] for c in candidates]) for key in domes}
-        found: dict[int, Array] = {}
-        for i in set(self._twins):
-            record = self.records[i]
-            found[i] = np.full((len(u), len(record.curve)), np.nan)
-            if not candidates:
-                continue
-            key = key_of(record)
-            w = self._height_in_time(i, record, candidates, domes[key], off[some], relaxations[key])
-            time = record.curve.time_s
-            if any(c.sensors.chain for c in candidates):
-                rows = zip(candidates, w, strict=True)
-                p, first_s = record.on_path_mbar, float(time[0])
-                w = np.array([c.sensors.read(time, p, row, first_s) for c, row in rows])
-            found[i][some] = w
+        found = {i: np.full((len(u), len(self.records[i].curve)), np.nan) for i in set(self._twins)}
+        for key, which in self._by_key.items() if candidates else ():
+            at = (candidates, domes[key], off[some], relaxations[key])
+            for i, w in zip(which, self._heights_in_time(which, *at), strict=True):
+                found[i][some] = self._recorded(self.records[i], candidates, w)
         return [found[i] for i in self._twins]
+
+    @staticmethod
+    def _recorded(record: Record, candidates: Sequence[Problems], w: Array) -> Array:
+        """Return what each candidate's sensors make (candidates, n) of deflections like these."""
+        if not any(c.sensors.chain for c in candidates):
+            return w
+        time, p = record.curve.time_s, record.on_path_mbar
+        rows = zip(candidates, w, strict=True)
+        return np.array([c.sensors.read(time, p, row, float(time[0])) for c, row in rows])
 
     def _from_anchor(self, u: Array) -> Array:
         """Return how far unknowns (n, k) are from the anchor, zero where there is none.
@@ -225,51 +233,88 @@ class MappedModel:
         every = self.domes(problems, tops)
         return {key: every.some(slice(i * n, (i + 1) * n)) for i, key in enumerate(keys)}
 
-    def _height_in_time(
+    def _heights_in_time(
         self,
-        i: int,
-        record: Record,
+        which: Sequence[int],
         candidates: Sequence[Problems],
         domes: Domes,
         off: Array,
         relaxation: Relaxation | None,
-    ) -> Array:
-        """Return the deflections (candidates, n) before the sensors."""
-        w = self._by_table(i, record, candidates, domes, off, relaxation)
-        if i not in self._courses:
-            return w
-        # What the table takes for relaxation is too much by a share that hardly changes.
-        memory = w - self._by_table(i, record, candidates, domes, off, None)
-        time, course = record.curve.time_s, self._courses[i]
-        share, rest = course.share.at(off), course.rest_mm[None]
-        if any(c.sensors.chain for c in candidates):
-            when = self._read_at(candidates, time)
-            share = np.array([np.interp(t, time, one) for t, one in zip(when, share, strict=True)])
-            rest = np.array([np.interp(t, time, course.rest_mm) for t in when])
-        return np.asarray(w + share * memory + rest)
+    ) -> list[Array]:
+        """Return the deflections (candidates, n) of some records of a key, before the sensors."""
+        records = [self.records[i] for i in which]
+        found = self._by_table(which, records, candidates, domes, off, relaxation)
+        if not any(i in self._courses for i in which):
+            return found
+        elastic = self._by_table(which, records, candidates, domes, off, None)
+        for k, (i, record) in enumerate(zip(which, records, strict=True)):
+            if i not in self._courses:
+                continue
+            # What the table takes for relaxation is too much by a share that hardly changes.
+            memory = found[k] - elastic[k]
+            time, course = record.curve.time_s, self._courses[i]
+            share, rest = course.share.at(off), course.rest_mm[None]
+            if any(c.sensors.late for c in candidates):
+                when = self._read_at(candidates, time)
+                each = zip(when, share, strict=True)
+                share = np.array([np.interp(t, time, one) for t, one in each])
+                rest = np.array([np.interp(t, time, course.rest_mm) for t in when])
+            found[k] = found[k] + share * memory + rest
+        return found
 
     @staticmethod
     def _read_at(candidates: Sequence[Problems], time: Array) -> Array:
         """Return when each candidate's dome is read (candidates, n), or (1, n) for all."""
-        if not any(c.sensors.chain for c in candidates):
+        if not any(c.sensors.late for c in candidates):
             return time[None]
         return np.array([c.sensors.when(time) for c in candidates])
 
     def _by_table(
         self,
-        i: int,
-        record: Record,
+        which: Sequence[int],
+        records: Sequence[Record],
         candidates: Sequence[Problems],
         domes: Domes,
         off: Array,
         relaxation: Relaxation | None,
-    ) -> Array:
-        """Return the deflections (candidates, n) as far as the table tells how they relax."""
-        key, time = key_of(record), record.curve.time_s
+    ) -> list[Array]:
+        """Return the deflections (candidates, n) as far as the table tells how they relax.
+
+        Of records of one key, `which` of the model's they are like: asked for at once.
+        """
+        key = key_of(records[0])
         problems = [c.problems[key] for c in candidates]
+        zero = np.array([p.preload_mbar for p in problems])
+        if relaxation is not None:
+            zero = zero / relaxation.rest
+        unchanged = all(
+            c.felt is self._problems.measured and not c.sensors.late for c in candidates
+        )
+        if unchanged and relaxation is None:
+            pressure = np.hstack([r.on_path_mbar + r.off_path_mbar for r in records])[None]
+        else:
+            both = zip(which, records, strict=True)
+            pressure = np.hstack([self._felt(i, r, candidates, relaxation) for i, r in both])
+        pressure = pressure + (zero if zero.any() else zero[:1])[:, None]
+        stiffness = np.array([[p.stiffness] for p in problems])
+        if (stiffness == stiffness[0]).all():
+            stiffness = stiffness[:1]
+        w = self._height(pressure, stiffness, domes, key, off)
+        if zero.any():
+            w = w - self._height(zero[:, None], stiffness, domes, key, off)
+        return np.split(w, np.cumsum([len(r.curve) for r in records])[:-1], axis=1)
+
+    def _felt(
+        self,
+        i: int,
+        record: Record,
+        candidates: Sequence[Problems],
+        relaxation: Relaxation | None,
+    ) -> Array:
+        """Return the suctions (candidates, n), without preload, that would dome a skin at once."""
+        time = record.curve.time_s
         when = self._read_at(candidates, time)
-        moved = any(c.sensors.chain for c in candidates)
-        own = self.records[self._problems.paths[i]].path
+        moved = any(c.sensors.late for c in candidates)
         felt: dict[int, list[int]] = {}  # by what is felt: the candidates
         for j, c in enumerate(candidates):
             felt.setdefault(id(c.felt[i]), []).append(j)
@@ -282,31 +327,15 @@ class MappedModel:
                 c.felt_more[i](time) - c.felt[i](time) if c.felt_more else 1.0 for c in candidates
             ]
             off_path = off_path * np.array([np.broadcast_to(m, time.shape) for m in more])
-        zero = np.array([p.preload_mbar for p in problems])
+        pressure = np.empty((len(candidates), len(time)))
+        for path, rows in groups:
+            at = when[list(rows)] if moved else when
+            pressure[list(rows)] = path(at) if relaxation is None else relaxation(path, at, rows)
         if relaxation is not None:
-            zero = zero / relaxation.rest
-            pressure = np.empty((len(candidates), len(time)))
-            for path, rows in groups:
-                pressure[list(rows)] = relaxation(path, when[list(rows)] if moved else when, rows)
             # It is worth what a smooth rise is: a skin that is stiff for an instant alone would
             # follow no noise, and be likelier than any other by that.
-            rest = 1.0 - relaxation.relaxed_share(record.path.rise_s)
-            pressure += zero[:, None] + off_path / rest[:, None]
-        else:
-            if len(groups) == 1 and groups[0][0] is own and not moved:
-                pressure = record.on_path_mbar[None]
-            else:
-                pressure = np.empty((len(candidates), len(time)))
-                for path, rows in groups:
-                    pressure[list(rows)] = path(when[list(rows)] if moved else when)
-            pressure = pressure + off_path + (zero if zero.any() else zero[:1])[:, None]
-        stiffness = np.array([[p.stiffness] for p in problems])
-        if (stiffness == stiffness[0]).all():
-            stiffness = stiffness[:1]
-        w = self._height(pressure, stiffness, domes, key, off)
-        if zero.any():
-            w = w - self._height(zero[:, None], stiffness, domes, key, off)
-        return w
+            off_path = off_path / (1.0 - relaxation.relaxed_share(record.path.rise_s))[:, None]
+        return np.asarray(pressure + off_path)
 
     def _height(
         self, pressure: Array, stiffness: Array, domes: Domes, key: Key, off: Array
@@ -560,8 +589,8 @@ class MappedModel:
             return None
         plain = replace(record, path=path, pressure_mbar=path(time))
         unread = replace(here, sensors=Sensors(()), felt=[path] * len(here.felt), felt_more=())
-        at = (i, plain, [unread], domes, off)
-        relaxed, elastic = (self._by_table(*at, r)[0] for r in (_relaxation([problem]), None))
+        at = ([i], [plain], [unread], domes, off)
+        relaxed, elastic = (self._by_table(*at, r)[0][0] for r in (_relaxation([problem]), None))
         added = np.interp(time, time[held], (exact - relaxed)[held])
         return share_and_rest(added, relaxed - elastic)
 

@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 
 from skinlab.mechanics.fem import kernel
 from skinlab.tables.axes import TableAxis
-from skinlab.tables.evaluator import linear_between
 from skinlab.tables.splines import TensorBSpline, local_basis
 
 Array = NDArray[np.float64]
@@ -24,14 +23,15 @@ Array = NDArray[np.float64]
 class AnyGeometry:
     """w/R = q exp(log compliance) of the law's parameters, h/R and the load q = p/scale.
 
-    `axes` are those of log h/R and of the law's parameters but the scale; `log_holds` (n1, …, nd)
-    the logarithm of the load to which the nodes hold. `load_knots` are those of the cubic spline
-    along `coordinate(q, h/R)`, whose coefficients (n1, …, nd, k) `log_compliance` interpolates.
+    `axes` are those of log h/R and of the law's parameters but the scale; `log_holds` is the
+    logarithm of the load to which they hold, linear between the nodes. `load_knots` are those of
+    the cubic spline along `coordinate(q, h/R)`, whose coefficients (n1, …, nd, k) `log_compliance`
+    interpolates.
     """
 
     axes: Sequence[TableAxis]
     log_compliance: TensorBSpline
-    log_holds: Array
+    log_holds: TensorBSpline
     load_knots: Array
     coordinate: Callable[[Array, Array], Array]
 
@@ -48,7 +48,7 @@ class AnyGeometry:
             at = axis.coordinate(values, parameters[:, 0])
             inside &= axis.inside(at)
             points[:, d] = np.fmin(np.fmax(at, axis.nodes[0]), axis.nodes[-1])
-        holds_to = np.where(inside, np.exp(linear_between(self.axes, self.log_holds, points)), 0.0)
+        holds_to = np.where(inside, np.exp(self.log_holds(points)[:, 0]), 0.0)
         spline = self.log_compliance(points)  # (n, k)
         at = self.coordinate(load, thickness[:, None])
         compliance = np.exp(_along(self.load_knots, spline, at))

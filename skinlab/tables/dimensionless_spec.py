@@ -50,7 +50,14 @@ from skinlab.tables.evaluator import Evaluator, tensor_spline
 from skinlab.tables.extrapolate import fill_ratios
 from skinlab.tables.meshes import MESHES
 from skinlab.tables.settings import CURVE, VERIFY
-from skinlab.tables.splines import TensorBSpline, basis, coefficients, inverse, knots
+from skinlab.tables.splines import (
+    TensorBSpline,
+    basis,
+    coefficients,
+    inverse,
+    knots,
+    knots_through,
+)
 from skinlab.tables.svd_basis import chosen, components
 from skinlab.tables.table import Asked, Dataset, Table, plain_point
 
@@ -601,7 +608,11 @@ def _any_geometry(table: Table, kappa: KappaConvention) -> AnyGeometry:
     return AnyGeometry(
         axes,
         _all_coefficients(table),
-        np.log(np.maximum(table.holds_to, 1e-300)),
+        TensorBSpline(
+            [knots_through(axis.nodes, 1) for axis in axes],
+            [1] * len(axes),
+            np.log(np.maximum(table.holds_to, 1e-300))[..., None],
+        ),
         knots(spec.load_coordinates()),
         spec.coordinate,
     )

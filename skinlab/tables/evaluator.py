@@ -180,17 +180,3 @@ class Evaluator:
     def misfit(self, measured_mm: Array, whitening: Whitening | None = None) -> Misfit:
         """Return the sum of squared differences to these deflections (u,), as a function."""
         return Misfit(self, self.basis, measured_mm, whitening)
-
-
-def linear_between(axes: Sequence[TableAxis], values: Array, points: Array) -> Array:
-    """Return values (n1, …, nd) at the axes' nodes at points (m, d): (m,), linear between nodes."""
-    rows = np.zeros((len(points), 1), dtype=np.intp)
-    weights = np.ones((len(points), 1))
-    for axis, at, size in zip(axes, points.T, values.shape, strict=True):
-        cell = axis.cell(at)
-        share = (at - axis.nodes[cell]) / (axis.nodes[cell + 1] - axis.nodes[cell])
-        both = np.stack([1.0 - share, share], axis=1)
-        corners = np.stack([cell, cell + 1], axis=1)
-        rows = (rows[:, :, None] * size + corners[:, None, :]).reshape(len(points), -1)
-        weights = (weights[:, :, None] * both[:, None, :]).reshape(len(points), -1)
-    return np.asarray((values.ravel()[rows] * weights).sum(axis=1))

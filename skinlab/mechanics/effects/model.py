@@ -259,6 +259,11 @@ class Sensors:
         own = [pair for pair in effects if not pair[0].physical]
         return cls(tuple(sorted(own, key=lambda pair: (pair[0].order, pair[0].name))))
 
+    @property
+    def late(self) -> bool:
+        """Whether any of them may record the deflection of another time."""
+        return any(type(effect).when is not Effect.when for effect, _ in self.chain)
+
     def when(self, time_s: Array) -> Array:
         """Return the times (n,) whose deflection is recorded at these times (n,)."""
         for effect, values in self.chain:
