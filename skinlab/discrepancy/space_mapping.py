@@ -33,6 +33,7 @@ from skinlab.discrepancy.corrections import (
 from skinlab.discrepancy.problem_map import Key, ProblemMap, Problems, key_of
 from skinlab.discrepancy.records import Record
 from skinlab.discrepancy.settings import FITS
+from skinlab.discrepancy.table_curves import TableCurves, read_at, recorded, relaxation_of
 from skinlab.discrepancy.table_domes import (
     Domes,
     Relaxation,
@@ -132,6 +133,10 @@ class MappedModel:
     def _problems(self) -> ProblemMap:
         return ProblemMap(self.records, self.unknowns)
 
+    @property
+    def _by_table(self) -> TableCurves:
+        return TableCurves(self._problems, self._ratios)
+
     @cached_property
     def _twins(self) -> list[int]:
         """Return of each record the first one that no model can tell from it: repeats."""
@@ -174,22 +179,13 @@ class MappedModel:
         candidates = [one for one in every if one is not None]
         off = self._from_anchor(u)
         domes = self._domes_of_all(candidates) if candidates else {}
-        relaxations = {key: _relaxation([c.problems[key] for c in candidates]) for key in domes}
+        relaxations = {key: relaxation_of([c.problems[key] for c in candidates]) for key in domes}
         found = {i: np.full((len(u), len(self.records[i].curve)), np.nan) for i in set(self._twins)}
         for key, which in self._by_key.items() if candidates else ():
             at = (candidates, domes[key], off[some], relaxations[key])
             for i, w in zip(which, self._heights_in_time(which, *at), strict=True):
-                found[i][some] = self._recorded(self.records[i], candidates, w)
+                found[i][some] = recorded(self.records[i], candidates, w)
         return [found[i] for i in self._twins]
-
-    @staticmethod
-    def _recorded(record: Record, candidates: Sequence[Problems], w: Array) -> Array:
-        """Return what each candidate's sensors make (candidates, n) of deflections like these."""
-        if not any(c.sensors.chain for c in candidates):
-            return w
-        time, p = record.curve.time_s, record.on_path_mbar
-        rows = zip(candidates, w, strict=True)
-        return np.array([c.sensors.read(time, p, row, float(time[0])) for c, row in rows])
 
     def _from_anchor(self, u: Array) -> Array:
         """Return how far unknowns (n, k) are from the anchor, zero where there is none.
@@ -255,96 +251,12 @@ class MappedModel:
             time, course = record.curve.time_s, self._courses[i]
             share, rest = course.share.at(off), course.rest_mm[None]
             if any(c.sensors.late for c in candidates):
-                when = self._read_at(candidates, time)
+                when = read_at(candidates, time)
                 each = zip(when, share, strict=True)
                 share = np.array([np.interp(t, time, one) for t, one in each])
                 rest = np.array([np.interp(t, time, course.rest_mm) for t in when])
             found[k] = found[k] + share * memory + rest
         return found
-
-    @staticmethod
-    def _read_at(candidates: Sequence[Problems], time: Array) -> Array:
-        """Return when each candidate's dome is read (candidates, n), or (1, n) for all."""
-        if not any(c.sensors.late for c in candidates):
-            return time[None]
-        return np.array([c.sensors.when(time) for c in candidates])
-
-    def _by_table(
-        self,
-        which: Sequence[int],
-        records: Sequence[Record],
-        candidates: Sequence[Problems],
-        domes: Domes,
-        off: Array,
-        relaxation: Relaxation | None,
-    ) -> list[Array]:
-        """Return the deflections (candidates, n) as far as the table tells how they relax.
-
-        Of records of one key, `which` of the model's they are like: asked for at once.
-        """
-        key = key_of(records[0])
-        problems = [c.problems[key] for c in candidates]
-        zero = np.array([p.preload_mbar for p in problems])
-        if relaxation is not None:
-            zero = zero / relaxation.rest
-        unchanged = all(
-            c.felt is self._problems.measured and not c.sensors.late for c in candidates
-        )
-        if unchanged and relaxation is None:
-            pressure = np.hstack([r.on_path_mbar + r.off_path_mbar for r in records])[None]
-        else:
-            both = zip(which, records, strict=True)
-            pressure = np.hstack([self._felt(i, r, candidates, relaxation) for i, r in both])
-        pressure = pressure + (zero if zero.any() else zero[:1])[:, None]
-        stiffness = np.array([[p.stiffness] for p in problems])
-        if (stiffness == stiffness[0]).all():
-            stiffness = stiffness[:1]
-        w = self._height(pressure, stiffness, domes, key, off)
-        if zero.any():
-            w = w - self._height(zero[:, None], stiffness, domes, key, off)
-        return np.split(w, np.cumsum([len(r.curve) for r in records])[:-1], axis=1)
-
-    def _felt(
-        self,
-        i: int,
-        record: Record,
-        candidates: Sequence[Problems],
-        relaxation: Relaxation | None,
-    ) -> Array:
-        """Return the suctions (candidates, n), without preload, that would dome a skin at once."""
-        time = record.curve.time_s
-        when = self._read_at(candidates, time)
-        moved = any(c.sensors.late for c in candidates)
-        felt: dict[int, list[int]] = {}  # by what is felt: the candidates
-        for j, c in enumerate(candidates):
-            felt.setdefault(id(c.felt[i]), []).append(j)
-        groups = [(candidates[rows[0]].felt[i], tuple(rows)) for rows in felt.values()]
-        # A reading's own noise stays with its sample whatever lags: read between two samples it
-        # would be less, and half a sample of lag look better than none.
-        off_path = record.off_path_mbar
-        if off_path.any() and any(c.felt_more for c in candidates):
-            more = [
-                c.felt_more[i](time) - c.felt[i](time) if c.felt_more else 1.0 for c in candidates
-            ]
-            off_path = off_path * np.array([np.broadcast_to(m, time.shape) for m in more])
-        pressure = np.empty((len(candidates), len(time)))
-        for path, rows in groups:
-            at = when[list(rows)] if moved else when
-            pressure[list(rows)] = path(at) if relaxation is None else relaxation(path, at, rows)
-        if relaxation is not None:
-            # It is worth what a smooth rise is: a skin that is stiff for an instant alone would
-            # follow no noise, and be likelier than any other by that.
-            off_path = off_path / (1.0 - relaxation.relaxed_share(record.path.rise_s))[:, None]
-        return np.asarray(pressure + off_path)
-
-    def _height(
-        self, pressure: Array, stiffness: Array, domes: Domes, key: Key, off: Array
-    ) -> Array:
-        w = domes(pressure / stiffness)
-        if key in self._ratios:
-            nodes, learnt = self._ratios[key]
-            w = w * np.exp(between(nodes, learnt.at(off), pressure))
-        return w
 
     # ---- the finite elements ----
 
@@ -590,15 +502,9 @@ class MappedModel:
         plain = replace(record, path=path, pressure_mbar=path(time))
         unread = replace(here, sensors=Sensors(()), felt=[path] * len(here.felt), felt_more=())
         at = ([i], [plain], [unread], domes, off)
-        relaxed, elastic = (self._by_table(*at, r)[0][0] for r in (_relaxation([problem]), None))
+        relaxed, elastic = (self._by_table(*at, r)[0][0] for r in (relaxation_of([problem]), None))
         added = np.interp(time, time[held], (exact - relaxed)[held])
         return share_and_rest(added, relaxed - elastic)
-
-
-def _relaxation(problems: Sequence[SkinProblem]) -> Relaxation | None:
-    """Return how the suction of these skins relaxes, None where nothing does."""
-    terms = [problem.prony for problem in problems]
-    return Relaxation.of(terms) if any(terms) else None
 
 
 def _simpler(path: PressurePath) -> PressurePath:
