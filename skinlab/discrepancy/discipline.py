@@ -146,10 +146,11 @@ class Discipline:
         if parts:
             found.append(self._chosen_again(best, base, rivals, parts))
             ratio = held.rms_um / max(held.expected_um, 1e-9)
+            most = NAMES.learned_out_ratio if best.kind else NAMES.held_out_ratio
             found.append(
                 Trial(
                     "predicts",
-                    ratio <= NAMES.held_out_ratio,
+                    ratio <= most,
                     f"what was left out is predicted to {held.rms_um:.1f} µm, "
                     f"{ratio:.2f} times what is expected",
                 )

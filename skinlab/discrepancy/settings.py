@@ -326,6 +326,8 @@ class NameRules:
     told as two lags, 0.18; 82 true pairs 0.64 and more."""
     held_out_ratio: float = 1.2
     """Of the gap on what was left out to what is expected there."""
+    learned_out_ratio: float = 1.3
+    """The same of a learned function: what it leaves at the end of its form counts in each part."""
     held_out_chance: float = 1.3
     """log10 of the ratio of predictive densities of what was left out: 20 to 1 against chance."""
     practical_um: float = 1.0
