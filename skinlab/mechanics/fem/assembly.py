@@ -233,7 +233,7 @@ class Assembly:
     def deformation_gradients(self, displacements: Array) -> Array:
         """Return F (5, m, q) at the quadrature points."""
         if self._kernel is not None:
-            return self._kernel.strain(displacements)[0]
+            return self._kernel.strain(displacements).f
         m, q = self.volumes.shape
         u = displacements.reshape(-1, 2)[self.mesh.elements]  # (m, a, 2)
         parts = np.matmul(self._scalar_gradients, u).reshape(m, 3, q, 2)
@@ -314,17 +314,22 @@ class Assembly:
         parameters: Mapping[str, Any],
         stress_2pk: Array | None,
     ) -> State | None:
-        f, i1, i2, det = compiled.strain(u)
-        j_min, j_max = float(det.min()), float(det.max())
-        if not j_min > 0.0:
+        strain = compiled.strain(u)
+        if not strain.j_min > 0.0:
             return None
-        potential = self.law.potential(i1, i2, det, parameters)
-        stored = float(np.vdot(self.volumes, potential.energy))
+        form = self.law.form(parameters)
+        if form is None:
+            potential = self.law.potential(*strain.invariants, parameters)
+            energy = kernel.Energy.of(potential, self.volumes)
+        else:
+            energy = compiled.potential(strain, form)
+        f, stored = strain.f, energy.stored
         if stress_2pk is not None:
             work = 0.5 * (first_stress(f, stress_2pk) * f).sum(axis=0)
             stored += float(np.vdot(self.volumes, work))
-        energy = kernel.Energy(potential, det.shape)
-        band, internal, external, volume = compiled.assemble(u, f, energy, stress_2pk, pressure_mpa)
+        band, internal, external, volume = compiled.assemble(
+            u, strain, energy, stress_2pk, pressure_mpa
+        )
         return State(
             skew=self._rim_terms(u),
             energy=stored,
@@ -332,10 +337,10 @@ class Assembly:
             matrix=KernelBanded(compiled, band),
             load=external,
             volume=volume,
-            j_min=j_min,
-            j_max=j_max,
+            j_min=strain.j_min,
+            j_max=strain.j_max,
             deformation=f,
-            least_acoustic=lambda: compiled.ellipticity(f, energy, stress_2pk),
+            least_acoustic=lambda: compiled.ellipticity(strain, energy, stress_2pk),
         )
 
     def virtual_work(
@@ -348,8 +353,8 @@ class Assembly:
         """Return the residual's work (k,) along a direction (dofs,), N mm per mm of it.
 
         Of each of `sums`: internal forces, a factor and the energy's parameters of each, less the
-        suction's. With the compiled loops parameters may be arrays (k, 1, 1): then a sum is k of
-        them. None where an element is turned inside out.
+        suction's. With the compiled loops parameters may be arrays (k, 1, 1), or those of k forms:
+        then a sum is k of them. None where an element is turned inside out.
         """
         if self._kernel is None:
             found = np.zeros(len(sums))
@@ -364,15 +369,19 @@ class Assembly:
                 found[k] -= pressure_mpa * (load @ direction)
             return found
         u = self.full(unknowns)
-        f, i1, i2, det = self._kernel.strain(u)
-        if not det.min() > 0.0:
+        strain = self._kernel.strain(u)
+        if not strain.j_min > 0.0:
             return None
-        changes, load = self._kernel.rates(u, f, self.full(direction))
+        changes, load = self._kernel.rates(u, strain, self.full(direction))
         work = []
         for terms in sums:
             total: Any = -pressure_mpa * (load @ direction)
             for factor, parameters in terms:
-                by_invariants = self.law.first_derivatives(i1, i2, det, parameters)
+                form = self.law.form(parameters)
+                if form is not None:
+                    total = total + factor * self._kernel.work(strain, changes, form)
+                    continue
+                by_invariants = self.law.first_derivatives(*strain.invariants, parameters)
                 for slope, change in zip(by_invariants, changes, strict=True):
                     if np.shape(slope) == change.shape:
                         total = total + factor * np.vdot(slope, change)

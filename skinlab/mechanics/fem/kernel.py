@@ -45,9 +45,13 @@ def load(path: Path, source: Path) -> ctypes.CDLL | None:
             return None
     except (OSError, AttributeError):
         return None
-    found.skinlab_strain.argtypes = [_POINTER] * 6
+    found.skinlab_strain.argtypes = [_POINTER] * 3
+    found.skinlab_potential.argtypes = [*[_POINTER] * 3, _INTEGER, _POINTER]
+    found.skinlab_work.argtypes = [
+        *[_POINTER] * 3, _INTEGER, _POINTER, _INTEGER, _INTEGER, _POINTER,
+    ]  # fmt: skip
     found.skinlab_assemble.argtypes = [*[_POINTER] * 5, _REAL, *[_POINTER] * 3]
-    found.skinlab_rates.argtypes = [_POINTER] * 8
+    found.skinlab_rates.argtypes = [_POINTER] * 6
     found.skinlab_ellipticity.argtypes = [_POINTER] * 4
     found.skinlab_factorise.argtypes = [_INTEGER, _INTEGER, _POINTER, _POINTER]
     found.skinlab_solve.argtypes = [
@@ -70,7 +74,9 @@ def load(path: Path, source: Path) -> ctypes.CDLL | None:
     found.skinlab_domes.argtypes = [*[_INTEGER] * 5, *[_POINTER] * 7]
     found.skinlab_splines.restype = found.skinlab_domes.restype = None
     found.skinlab_strain.restype = found.skinlab_rates.restype = found.skinlab_solve.restype = None
+    found.skinlab_work.restype = None
     found.skinlab_assemble.restype = found.skinlab_ellipticity.restype = _REAL
+    found.skinlab_potential.restype = _REAL
     found.skinlab_factorise.restype = _INTEGER
     return found
 
@@ -149,25 +155,25 @@ class Kernel:
         outside = self._columns * self.width  # what is fixed shares a dustbin at the end
         return np.where(high < self.unknowns, low * self.width + high - low, outside)
 
-    def strain(self, displacements: Array) -> tuple[Array, Array, Array, Array]:
-        """Return F (5, m, q), I1, I2 and det F (m, q)."""
-        f = np.empty((5, *self.shape))
-        invariants = np.empty((3, *self.shape))
-        i1, i2, det = invariants
-        self.library.skinlab_strain(
-            self._at,
-            _address(displacements),
-            _address(f),
-            _address(i1),
-            _address(i2),
-            _address(det),
+    def strain(self, displacements: Array) -> Strain:
+        """Return the deformation at the points."""
+        strain = Strain(self.shape)
+        self.library.skinlab_strain(self._at, _address(displacements), strain.at)
+        return strain
+
+    def potential(self, strain: Strain, form: Array) -> Energy:
+        """Return the energy, and its derivatives, of `materials.energy.TERMS` times a form."""
+        energy = Energy(np.empty((len(Potential.__slots__), *self.shape)))
+        _, apart = _strides(form)
+        energy.stored = self.library.skinlab_potential(
+            self._at, strain.at, _address(form), apart, energy.start
         )
-        return f, i1, i2, det
+        return energy
 
     def assemble(
         self,
         displacements: Array,
-        f: Array,
+        strain: Strain,
         energy: Energy,
         stress_2pk: Array | None,
         pressure_mpa: float,
@@ -177,7 +183,7 @@ class Kernel:
         forces = np.zeros((2, self.unknowns + 1))
         extra = None if stress_2pk is None else np.ascontiguousarray(stress_2pk)
         volume = self.library.skinlab_assemble(
-            self._at, _address(displacements), _address(f), energy.at, _address(extra),
+            self._at, _address(displacements), strain.at, energy.at, _address(extra),
             pressure_mpa, _address(band), _address(forces[0]), _address(forces[1]),
         )  # fmt: skip
         return band, forces[0, :-1], forces[1, :-1], float(volume)
@@ -192,24 +198,32 @@ class Kernel:
         if len(self._spare) < _SPARES:
             self._spare.append(band)
 
-    def rates(self, displacements: Array, f: Array, direction: Array) -> tuple[Array, Array]:
+    def rates(self, displacements: Array, strain: Strain, direction: Array) -> tuple[Array, Array]:
         """Return how I1, I2 and det F change along a direction, and the load per MPa (dofs,).
 
         The changes (3, m, q) are times the points' volumes.
         """
-        changes = np.empty((3, *self.shape))
-        load = np.zeros(self.unknowns + 1)
+        changes, load = np.empty((3, *self.shape)), np.zeros(self.unknowns + 1)
         self.library.skinlab_rates(
-            self._at, _address(displacements), _address(f), _address(direction),
-            *(_address(change) for change in changes), _address(load),
+            self._at, _address(displacements), strain.at, _address(direction), _address(changes),
+            _address(load),
         )  # fmt: skip
         return changes, load[:-1]
 
-    def ellipticity(self, f: Array, energy: Energy, stress_2pk: Array | None) -> float:
+    def work(self, strain: Strain, changes: Array, form: Array) -> Array:
+        """Return how the energies of forms (k, …) or of one change, (k,), with these `rates`."""
+        found = np.empty(len(form) if form.ndim == 3 else 1)
+        self.library.skinlab_work(
+            self._at, strain.at, _address(changes), len(found), _address(form), *_strides(form),
+            _address(found),
+        )  # fmt: skip
+        return found
+
+    def ellipticity(self, strain: Strain, energy: Energy, stress_2pk: Array | None) -> float:
         """Return the least of `admissibility.ellipticity` over all points."""
         extra = None if stress_2pk is None else np.ascontiguousarray(stress_2pk)
         return float(
-            self.library.skinlab_ellipticity(self._at, _address(f), energy.at, _address(extra))
+            self.library.skinlab_ellipticity(self._at, strain.at, energy.at, _address(extra))
         )
 
     def factorise(self, band: Array) -> Array | None:
@@ -367,18 +381,67 @@ def add_integrated(part: CurveGrams, whole: Array, log_determinant: Array) -> in
     return None if failed < 0 else int(failed)
 
 
-class Energy:
-    """Addresses of a potential's arrays."""
+class Strain:
+    """The deformation at the points (m, q), and where the library finds it."""
 
-    def __init__(self, potential: Potential, shape: tuple[int, int]) -> None:
-        self._kept = [
-            np.ascontiguousarray(
-                x if np.shape(x) == shape else np.broadcast_to(x, shape), dtype=np.float64
-            )
-            for x in (getattr(potential, name) for name in Potential.__slots__)
-        ]
-        self._addresses = (_POINTER * len(self._kept))(*(_address(x) for x in self._kept))
+    def __init__(self, shape: tuple[int, int]) -> None:
+        """Take memory for it."""
+        size = shape[0] * shape[1]
+        self._block = np.empty(8 * size + 2)
+        self._whole = self._block[:-2].reshape(8, *shape)
+        self.at = _address(self._block)
+
+    @property
+    def f(self) -> Array:
+        """Deformation gradients (5, m, q)."""
+        return self._whole[:5]
+
+    @property
+    def invariants(self) -> Array:
+        """I1, I2 and det F (3, m, q)."""
+        return self._whole[5:]
+
+    @property
+    def j_min(self) -> float:
+        """The least det F; not a number where one is not."""
+        return float(self._block[-2])
+
+    @property
+    def j_max(self) -> float:
+        """The largest det F."""
+        return float(self._block[-1])
+
+
+class Energy:
+    """An energy and its derivatives (10, m, q) in the order of `Potential`, for the library."""
+
+    stored: float  # N mm
+
+    def __init__(self, values: Array) -> None:
+        """Take them as they are."""
+        self._values = values  # alive as long as the addresses
+        self.start = _address(values) or 0
+        each = values[0].nbytes
+        self._addresses = (_POINTER * len(values))(
+            *range(self.start, self.start + len(values) * each, each)
+        )
         self.at = ctypes.addressof(self._addresses)
+
+    @classmethod
+    def of(cls, potential: Potential, volumes: Array) -> Energy:
+        """Return what a law says at points of these volumes (m, q), mm³."""
+        values = np.empty((len(Potential.__slots__), *volumes.shape))
+        for here, (_, each) in zip(values, potential.named(), strict=True):
+            here[...] = each
+        energy = cls(values)
+        energy.stored = float(np.vdot(volumes, values[0]))
+        return energy
+
+
+def _strides(form: Array) -> tuple[int, int]:
+    """Return how far the next form of (k, m or 1, terms) begins, and that of the next element."""
+    *_, m, terms = form.shape
+    return m * terms, terms if m > 1 else 0
 
 
 def _address(array: NDArray[np.generic] | None) -> int | None:
