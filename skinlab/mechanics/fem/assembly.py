@@ -19,7 +19,7 @@ import ctypes
 from collections.abc import Callable, Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import Any
 
 import numpy as np
@@ -27,7 +27,13 @@ from numpy.typing import NDArray
 
 from skinlab.mechanics.fem import kernel
 from skinlab.mechanics.fem.banded import Banded, KernelBanded, LapackBanded
-from skinlab.mechanics.fem.element import Element, dilatation_basis, line_shape, quadrature, shape
+from skinlab.mechanics.fem.element import (
+    Element,
+    dilatation_basis,
+    line_shape,
+    quadrature,
+    shape_at_points,
+)
 from skinlab.mechanics.fem.mesh import Mesh
 from skinlab.mechanics.materials.base import HasPotential
 
@@ -48,7 +54,7 @@ class State:
     volume: float  # under the dome, mm³: the pressure's work is the integral of p dV
     j_min: float  # smallest and largest det F at a quadrature point
     j_max: float
-    skew: tuple[Array, Array, float] | None  # see `Assembly._rim_terms`; None where the rim is held
+    skew: tuple[Array, float] | None  # see `Assembly._rim_terms`; None where the rim is held
     deformation: Array  # (5, m, q) deformation gradients
     least_acoustic: Callable[[], float]  # least `ellipticity` over the points, MPa
 
@@ -116,7 +122,7 @@ class Assembly:
 
     def _set_gradients(self) -> None:
         at, weights = quadrature(self.element.points_1d)
-        values, slopes = shape(self.element.nodes, at)
+        values, slopes = shape_at_points(self.element.nodes, self.element.points_1d)
         r, z = np.moveaxis(self.mesh.nodes[self.mesh.elements], 2, 0)  # (m, a) each
         by_xi, by_eta = slopes[..., 0], slopes[..., 1]  # (q, a)
         r_xi, r_eta, z_xi, z_eta = (
@@ -183,22 +189,19 @@ class Assembly:
         edges = self.mesh.loaded_edges
         self._edge_dofs = np.stack([2 * edges, 2 * edges + 1], -1).reshape(-1, 6)
         self._edge_x = self.mesh.nodes[edges]  # (k, 3, 2)
-        gauss, weights = _EDGE_POINTS
-        # Load f_a = (−∫ N_a r z', ∫ N_a r r'), bilinear in the nodal r and z: f_a = T_abc r_b x_c.
-        self._edge_form = np.empty((len(edges), 3, 3, 3))
-        self._rim: tuple[Array, Index] | None = None
-        for k, r in enumerate(self._edge_x[..., 0]):
-            end = _where(r, self.mesh.loaded_to_mm)
-            share = 0.5 * (end + 1)
-            n, dn = line_shape(-1 + share * (gauss + 1))
-            w = 2 * np.pi * share * weights
-            self._edge_form[k] = np.einsum("q,qa,qb,qc->abc", w, n, n, dn)
-            if k == len(edges) - 1:
-                values = line_shape(np.array([end]))[0][0]
-                equations = self.equation[self._edge_dofs[k]].reshape(3, 2)
-                moves = (equations < self.n) & (np.abs(values) > 1e-12)[:, None]
-                if moves.any(axis=0).all():
-                    self._rim = values, equations
+        self._edge_form = np.tile(_edge_form(1.0), (len(edges), 1, 1, 1))
+        end = _where(self._edge_x[-1, :, 0], self.mesh.loaded_to_mm)
+        if end < 1.0:  # the load ends within the last one
+            self._edge_form[-1] = _edge_form(end)
+        self._rim: tuple[Array, Array] | None = None
+        values = line_shape(np.array([end]))[0][0]
+        equations = self.equation[self._edge_dofs[-1]].reshape(3, 2)
+        moves = (equations < self.n) & (np.abs(values) > 1e-12)[:, None]
+        if moves.any(axis=0).all():
+            e = np.zeros((2, self.n + 1))
+            np.add.at(e[0], equations[:, 0], values)
+            np.add.at(e[1], equations[:, 1], values)
+            self._rim = values, e[:, :-1]
 
     def _set_pattern(self) -> None:
         equations = self.equation[self.dofs]
@@ -320,10 +323,10 @@ class Assembly:
         form = self.law.form(parameters)
         if form is None:
             potential = self.law.potential(*strain.invariants, parameters)
-            energy = kernel.Energy.of(potential, self.volumes)
+            energy = kernel.Energy.of(potential, self.volumes.shape)
         else:
             energy = compiled.potential(strain, form)
-        f, stored = strain.f, energy.stored
+        f, stored = strain.f, energy.stored(self.volumes)
         if stress_2pk is not None:
             work = 0.5 * (first_stress(f, stress_2pk) * f).sum(axis=0)
             stored += float(np.vdot(self.volumes, work))
@@ -459,21 +462,30 @@ class Assembly:
         volume = float(np.einsum("ka,ka->", load[..., 1], z))
         return load.reshape(k, 6), symmetric, volume
 
-    def _rim_terms(self, displacements: Array) -> tuple[Array, Array, float] | None:
-        """Return (e_r, e_z, π r): the load's derivative has the part π r (e_z e_rᵀ − e_r e_zᵀ).
+    def _rim_terms(self, displacements: Array) -> tuple[Array, float] | None:
+        """Return (e_r, e_z) and π r: the load's derivative has the part π r (e_z e_rᵀ − e_r e_zᵀ).
 
         Where the load ends on a surface that is free to move, at radius r, its work is no longer
         p times a volume, 2π ∫ r z r' ds: it lacks 2π r z dr there, the form whose derivative is
-        2π r dz ∧ dr. e_r and e_z (n,) pick the rim's motion out of the unknowns.
+        2π r dz ∧ dr. e_r and e_z, (2, n), pick the rim's motion out of the unknowns.
         """
         if self._rim is None:
             return None
-        values, equations = self._rim
-        e = np.zeros((2, self.n + 1))
-        np.add.at(e[0], equations[:, 0], values)
-        np.add.at(e[1], equations[:, 1], values)
-        x = self._edge_x[-1, :, 0] + displacements[self._edge_dofs[-1]].reshape(3, 2)[:, 0]
-        return e[0, :-1], e[1, :-1], float(np.pi * (values @ x))
+        values, e = self._rim
+        x = self._edge_x[-1, :, 0] + displacements[self._edge_dofs[-1, ::2]]
+        return e, float(np.pi * (values @ x))
+
+
+@lru_cache(maxsize=64)
+def _edge_form(end: float) -> Array:
+    """Return T (3, 3, 3) of the load on an edge from −1 to `end`, f_a = T_abc r_b x_c.
+
+    That is (−∫ N_a r z', ∫ N_a r r'), bilinear in the nodal r and z.
+    """
+    gauss, weights = _EDGE_POINTS
+    share = 0.5 * (end + 1)
+    n, dn = line_shape(-1 + share * (gauss + 1))
+    return np.asarray(np.einsum("q,qa,qb,qc->abc", 2 * np.pi * share * weights, n, n, dn))
 
 
 def _where(r: Array, radius_mm: float) -> float:

@@ -47,10 +47,16 @@ typedef struct {
     const int32_t *edge_equations; /* (edges, 6) */
 } Mesh;
 
-/* The energy's derivatives at the points, in the order of `Potential` */
+/* The energy's derivatives at the points */
 typedef struct {
-    const double *energy, *i1, *i2, *j, *i1_i1, *i1_i2, *i2_i2, *i1_j, *i2_j, *j_j;
+    const double *i1, *i2, *j, *i1_i1, *i1_i2, *i2_i2, *i1_j, *i2_j, *j_j;
 } Energy;
+
+/* `w` (10, N): the energy and these, in the order of `Potential` */
+INLINE Energy energy_at(const double *w, int64_t n) {
+    return (Energy){w + n,     w + 2 * n, w + 3 * n, w + 4 * n, w + 5 * n,
+                    w + 6 * n, w + 7 * n, w + 8 * n, w + 9 * n};
+}
 
 /* Symmetric 5 x 5, lower part by rows */
 #define AT(i, k) ((i) * ((i) + 1) / 2 + (k))
@@ -137,12 +143,11 @@ INLINE double inverse_cube_root(double x) {
  * `apart` further: 0 where all are of one tissue. */
 #define TERMS 5
 
-/* The energy and its derivatives (10, N) from what `skinlab_strain` says; returns the stored energy. */
-FAST double skinlab_potential(const Mesh *s, const double *strain, const double *form, int64_t apart,
+/* The energy and its derivatives (10, N) from what `skinlab_strain` says. */
+FAST void skinlab_potential(const Mesh *s, const double *strain, const double *form, int64_t apart,
                               double *out) {
     const int64_t n = s->elements * s->points;
     const double *all1 = strain + 5 * n, *all2 = strain + 6 * n, *det = strain + 7 * n;
-    double stored = 0;
     for (int64_t e0 = 0; e0 < s->elements; e0 += CHUNK) {
         const int64_t left = s->elements - e0, at = e0 * s->points;
         const int many = left < CHUNK ? (int)left : CHUNK, count = many * (int)s->points;
@@ -173,9 +178,7 @@ FAST double skinlab_potential(const Mesh *s, const double *strain, const double 
             w[8 * n + p] = b * x12 * e1_j + w2 * b_j;
             w[9 * n + p] = e1_j * (w11 * e1_j + 2 * x12 * e2_j) + w1 * e1_jj + w2 * e2_jj + kappa;
         }
-        for (int p = 0; p < count; p++) stored += s->volumes[at + p] * w[p];
     }
-    return stored;
 }
 
 /* First Piola-Kirchhoff stress at `count` points from `at` on. */
@@ -417,19 +420,20 @@ static double suction(const Mesh *s, const double *u, double pressure, double *b
 /* `band` has whole blocks of columns and one entry more; `internal` and `load` (unknowns + 1) are zero on
  * entry; `extra` (4, N) is a second Piola-Kirchhoff stress, or nothing. Returns the volume under the
  * dome. */
-FAST double skinlab_assemble(const Mesh *s, const double *u, const double *f, const Energy *w,
+FAST double skinlab_assemble(const Mesh *s, const double *u, const double *f, const double *energy,
                              const double *extra, double pressure, double *band, double *internal,
                              double *load) {
     const int q = (int)s->points, a = (int)s->nodes;
     const int64_t n = s->elements * q;
     const int64_t columns = (s->unknowns + BLOCK - 1) / BLOCK * BLOCK;
+    const Energy w = energy_at(energy, n);
     double c[PAIRS][SPAN], stress[5][SPAN];
     memset(band, 0, (columns * s->width + 1) * sizeof *band);
     for (int64_t e0 = 0; e0 < s->elements; e0 += CHUNK) {
         const int64_t left = s->elements - e0;
         const int many = left < CHUNK ? (int)left : CHUNK;
-        stress_at(f, n, e0 * q, many * q, w, extra, stress);
-        moduli_at(f, n, e0 * q, many * q, w, extra, c);
+        stress_at(f, n, e0 * q, many * q, &w, extra, stress);
+        moduli_at(f, n, e0 * q, many * q, &w, extra, c);
         for (int k = 0; k < many; k++) {
             if (q == 9 && a == 8) {
                 force_of(s, 9, 8, e0 + k, 9 * k, (const double (*)[SPAN])stress, internal);
@@ -505,13 +509,14 @@ FAST void skinlab_work(const Mesh *s, const double *strain, const double *rate, 
 }
 
 /* The least eigenvalue of the acoustic tensor over directions in the r-z plane and over all points. */
-FAST double skinlab_ellipticity(const Mesh *s, const double *f, const Energy *w, const double *extra) {
+FAST double skinlab_ellipticity(const Mesh *s, const double *f, const double *energy, const double *extra) {
     const int q = (int)s->points;
     const int64_t n = s->elements * q;
+    const Energy w = energy_at(energy, n);
     double c[PAIRS][SPAN], least[SPAN], sum[SPAN], result = INFINITY;
     for (int64_t at = 0; at < n; at += SPAN) {
         const int count = n - at < SPAN ? (int)(n - at) : SPAN;
-        moduli_at(f, n, at, count, w, extra, c);
+        moduli_at(f, n, at, count, &w, extra, c);
         for (int p = 0; p < count; p++) least[p] = INFINITY, sum[p] = 0;
         for (int angle = 0; angle < 8; angle++) {
             const double x = cos(angle * 3.14159265358979323846 / 8);

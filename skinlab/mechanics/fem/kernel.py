@@ -9,7 +9,7 @@ from __future__ import annotations
 import ctypes
 import hashlib
 from copy import copy
-from functools import cache
+from functools import cache, lru_cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -74,9 +74,8 @@ def load(path: Path, source: Path) -> ctypes.CDLL | None:
     found.skinlab_domes.argtypes = [*[_INTEGER] * 5, *[_POINTER] * 7]
     found.skinlab_splines.restype = found.skinlab_domes.restype = None
     found.skinlab_strain.restype = found.skinlab_rates.restype = found.skinlab_solve.restype = None
-    found.skinlab_work.restype = None
+    found.skinlab_potential.restype = found.skinlab_work.restype = None
     found.skinlab_assemble.restype = found.skinlab_ellipticity.restype = _REAL
-    found.skinlab_potential.restype = _REAL
     found.skinlab_factorise.restype = _INTEGER
     return found
 
@@ -120,13 +119,13 @@ class Kernel:
         self.library = found
         self.shape, self.unknowns, self.band = volumes.shape, unknowns, band
         self.width = band + 1 + _PADDING
-        self._columns = -(-unknowns // _BLOCK) * _BLOCK
-        whole = [element, equations, self._slots(equations)]
+        self._columns = _whole_blocks(unknowns)
+        nodes, places = (np.ascontiguousarray(x, dtype=np.int32) for x in (element, equations))
         self._rest: list[NDArray[Any]] = [
-            *(np.ascontiguousarray(x, dtype=np.int32) for x in whole),
+            nodes, places, _slots(places.tobytes(), len(places), unknowns, self.width),
             *(np.ascontiguousarray(x, dtype=np.float64) for x in (edge_form, edge_place)),
             *(np.ascontiguousarray(x, dtype=np.int32) for x in (edge, edge_equations)),
-        ]
+        ]  # fmt: skip
         self._set_tissue(gradients, volumes, start)
 
     def of_tissue(self, gradients: Array, volumes: Array, start: Array) -> Kernel:
@@ -146,15 +145,6 @@ class Kernel:
         )
         self._at = ctypes.addressof(self._mesh)
 
-    def _slots(self, equations: Index) -> Index:
-        """Return where in the band rr, rz and zz of each pair of nodes go: (m, 3, a, a)."""
-        r, z = equations[:, 0::2, None], equations[:, 1::2, None]
-        rows = np.stack(np.broadcast_arrays(r, r, z), axis=1)
-        columns = np.stack([x.transpose(0, 2, 1) for x in np.broadcast_arrays(r, z, z)], axis=1)
-        low, high = np.minimum(rows, columns), np.maximum(rows, columns)
-        outside = self._columns * self.width  # what is fixed shares a dustbin at the end
-        return np.where(high < self.unknowns, low * self.width + high - low, outside)
-
     def strain(self, displacements: Array) -> Strain:
         """Return the deformation at the points."""
         strain = Strain(self.shape)
@@ -165,9 +155,7 @@ class Kernel:
         """Return the energy, and its derivatives, of `materials.energy.TERMS` times a form."""
         energy = Energy(np.empty((len(Potential.__slots__), *self.shape)))
         _, apart = _strides(form)
-        energy.stored = self.library.skinlab_potential(
-            self._at, strain.at, _address(form), apart, energy.start
-        )
+        self.library.skinlab_potential(self._at, strain.at, _address(form), apart, energy.at)
         return energy
 
     def assemble(
@@ -243,6 +231,23 @@ class Kernel:
             n, self.width, _address(factor), _address(inverse), k, padded.shape[1], _address(padded)
         )
         return padded[:, :n]
+
+
+def _whole_blocks(unknowns: int) -> int:
+    return -(-unknowns // _BLOCK) * _BLOCK
+
+
+@lru_cache(maxsize=16)  # what changes a skin seldom changes the numbers of its equations
+def _slots(equations: bytes, elements: int, unknowns: int, width: int) -> NDArray[np.int32]:
+    """Return where in the band rr, rz and zz of each pair of nodes go: (m, 3, a, a)."""
+    both = np.frombuffer(equations, dtype=np.int32).reshape(elements, -1)
+    r, z = both[:, 0::2, None], both[:, 1::2, None]
+    rows = np.stack(np.broadcast_arrays(r, r, z), axis=1)
+    columns = np.stack([x.transpose(0, 2, 1) for x in np.broadcast_arrays(r, z, z)], axis=1)
+    low, high = np.minimum(rows, columns), np.maximum(rows, columns)
+    outside = _whole_blocks(unknowns) * width  # what is fixed shares a dustbin at the end
+    slots = np.where(high < unknowns, low * width + high - low, outside)
+    return np.ascontiguousarray(slots, dtype=np.int32)
 
 
 class Spline:
@@ -413,29 +418,24 @@ class Strain:
 
 
 class Energy:
-    """An energy and its derivatives (10, m, q) in the order of `Potential`, for the library."""
-
-    stored: float  # N mm
+    """An energy and its derivatives (10, m, q), in the order of `Potential`."""
 
     def __init__(self, values: Array) -> None:
         """Take them as they are."""
-        self._values = values  # alive as long as the addresses
-        self.start = _address(values) or 0
-        each = values[0].nbytes
-        self._addresses = (_POINTER * len(values))(
-            *range(self.start, self.start + len(values) * each, each)
-        )
-        self.at = ctypes.addressof(self._addresses)
+        self._values = values  # alive as long as the address
+        self.at = _address(values)
 
     @classmethod
-    def of(cls, potential: Potential, volumes: Array) -> Energy:
-        """Return what a law says at points of these volumes (m, q), mm³."""
-        values = np.empty((len(Potential.__slots__), *volumes.shape))
+    def of(cls, potential: Potential, shape: tuple[int, int]) -> Energy:
+        """Return what a law says at points (m, q)."""
+        values = np.empty((len(Potential.__slots__), *shape))
         for here, (_, each) in zip(values, potential.named(), strict=True):
             here[...] = each
-        energy = cls(values)
-        energy.stored = float(np.vdot(volumes, values[0]))
-        return energy
+        return cls(values)
+
+    def stored(self, volumes: Array) -> float:
+        """Return what is stored at points of these volumes, mm³: N mm."""
+        return float(np.vdot(volumes, self._values[0]))
 
 
 def _strides(form: Array) -> tuple[int, int]:

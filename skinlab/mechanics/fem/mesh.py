@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -92,19 +92,23 @@ ROWS_BELOW = 4  # in each layer under the skin
 _STEEPEST = 20.0  # ratio from one element to the next
 
 
+@lru_cache(maxsize=64)  # meshes of which one length differs follow one another
 def _counted_sizes(length: float, first: float, largest: float, count: int) -> Array:
     if count * first >= length:
         return np.full(count, length / count)
     largest = max(largest, length / count)
-    steps = np.arange(count)
 
     def excess(q: float) -> float:
-        return float(np.minimum(first * q**steps, largest).sum()) - length
+        size, total = first, 0.0
+        for _ in range(count):
+            total += min(size, largest)
+            size *= q
+        return total - length
 
     if excess(_STEEPEST) <= 0:  # the cap is too low for so few elements: even sizes but the first
         return np.concatenate([[first], np.full(count - 1, (length - first) / (count - 1))])
     q = brentq(excess, 1.0, _STEEPEST, xtol=1e-14)
-    return np.asarray(np.minimum(first * q**steps, largest))
+    return np.asarray(np.minimum(first * q ** np.arange(count), largest))
 
 
 def suction_mesh(
