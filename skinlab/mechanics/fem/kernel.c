@@ -17,6 +17,11 @@
 #define FAST
 #endif
 #define INLINE static inline __attribute__((always_inline))
+#if defined(__GNUC__) && !defined(__clang__)
+#define APART _Pragma("GCC ivdep") /* rows of N that a loop writes do not overlap */
+#else
+#define APART
+#endif
 
 #define CHUNK 8       /* elements whose points are taken together, so that loops over points are long */
 #define MOST_POINTS 9 /* of an element */
@@ -86,7 +91,7 @@ INLINE void strain(const Mesh *s, const int q, const int a, int64_t e, const dou
     double value[5][MOST_POINTS];
     gradient(s, q, a, e, u, value);
     const double s0 = s->start[e], s1 = s->start[s->elements + e], s2 = s->start[2 * s->elements + e];
-    for (int p = 0; p < q; p++) {
+    APART for (int p = 0; p < q; p++) {
         const double rr = value[0][p] + s0, rz = value[1][p], zr = value[2][p];
         const double zz = value[3][p] + s1, hoop = value[4][p] + s2;
         const double plane = rr * rr + rz * rz + zr * zr + zz * zz, j = rr * zz - rz * zr;
@@ -123,19 +128,18 @@ FAST void skinlab_strain(const Mesh *s, const double *u, double *out) {
     out[8 * n + 1] = sum != sum ? NAN : most;
 }
 
-/* x^(-1/3) for x > 0: a guess by the exponent, 5 % off at most, and steps that leave the third power of
- * what is off. Loops of it become vectors, unlike those of `pow`. */
-INLINE double inverse_cube_root(double x) {
-    uint64_t bits;
-    double y;
-    memcpy(&bits, &x, 8);
-    bits = (uint64_t)(0x553ef0ff - (uint32_t)(bits >> 32) / 3) << 32;
-    memcpy(&y, &bits, 8);
-    for (int k = 0; k < 3; k++) {
-        const double off = 1 - x * y * y * y;
-        y += y * off * (1.0 / 3 + 2.0 / 9 * off);
-    }
-    return y;
+/* x^(-1/3) for `count` x > 0: a guess by the exponent, 4 % off at most, and steps that leave the third
+ * power of what is off. Its loops become vectors, unlike those of `pow`. */
+INLINE void inverse_cube_roots(int count, const double *restrict x, double *restrict y) {
+    uint64_t bits[SPAN];
+    memcpy(bits, x, count * sizeof *x);
+    for (int p = 0; p < count; p++) bits[p] = (0x553ef0ff - (bits[p] >> 32) / 3) << 32;
+    memcpy(y, bits, count * sizeof *x);
+    for (int p = 0; p < count; p++)
+        for (int k = 0; k < 3; k++) {
+            const double off = 1 - x[p] * y[p] * y[p] * y[p];
+            y[p] += y[p] * off * (1.0 / 3 + 2.0 / 9 * off);
+        }
 }
 
 /* Energies that are known here are, in each element, sums of terms e1, e2, e1 e2, e1^3 and (J - 1)^2 / 2,
@@ -143,41 +147,47 @@ INLINE double inverse_cube_root(double x) {
  * `apart` further: 0 where all are of one tissue. */
 #define TERMS 5
 
-/* The energy and its derivatives (10, N) from what `skinlab_strain` says. */
+/* At `count` points from `at` on, the numbers `c`: the energy and its derivatives. */
+INLINE void potential(const double *restrict strain, int64_t n, int64_t at, int count,
+                      const double c[TERMS][SPAN], double *restrict out) {
+    const double *all1 = strain + 5 * n + at, *all2 = strain + 6 * n + at, *det = strain + 7 * n + at;
+    double roots[SPAN], *w = out + at;
+    inverse_cube_roots(count, det, roots);
+    APART for (int p = 0; p < count; p++) {
+        const double i1 = all1[p], i2 = all2[p], j = det[p];
+        const double x1 = c[0][p], x2 = c[1][p], x12 = c[2][p], x111 = c[3][p], kappa = c[4][p];
+        const double a = roots[p] * roots[p], b = a * a, inverse = 1 / j;
+        const double e1 = a * i1 - 3, e2 = b * i2 - 3, change = j - 1;
+        /* the slopes of e1 by I1 (a), of e2 by I2 (b), and theirs by J */
+        const double a_j = -2.0 / 3 * a * inverse, b_j = -4.0 / 3 * b * inverse;
+        const double e1_j = a_j * i1, e2_j = b_j * i2;
+        const double e1_jj = -5.0 / 3 * e1_j * inverse, e2_jj = -7.0 / 3 * e2_j * inverse;
+        const double w1 = x1 + x12 * e2 + 3 * x111 * e1 * e1, w2 = x2 + x12 * e1, w11 = 6 * x111 * e1;
+        w[p] = e1 * (x1 + x12 * e2 + x111 * e1 * e1) + x2 * e2 + 0.5 * kappa * change * change;
+        w[n + p] = w1 * a;
+        w[2 * n + p] = w2 * b;
+        w[3 * n + p] = w1 * e1_j + w2 * e2_j + kappa * change;
+        w[4 * n + p] = w11 * a * a;
+        w[5 * n + p] = x12 * a * b;
+        w[6 * n + p] = 0;
+        w[7 * n + p] = a * (w11 * e1_j + x12 * e2_j) + w1 * a_j;
+        w[8 * n + p] = b * x12 * e1_j + w2 * b_j;
+        w[9 * n + p] = e1_j * (w11 * e1_j + 2 * x12 * e2_j) + w1 * e1_jj + w2 * e2_jj + kappa;
+    }
+}
+
+/* `out` (10, N): the energy and its derivatives from what `skinlab_strain` says. */
 FAST void skinlab_potential(const Mesh *s, const double *strain, const double *form, int64_t apart,
-                              double *out) {
-    const int64_t n = s->elements * s->points;
-    const double *all1 = strain + 5 * n, *all2 = strain + 6 * n, *det = strain + 7 * n;
+                            double *out) {
+    const int q = (int)s->points;
     for (int64_t e0 = 0; e0 < s->elements; e0 += CHUNK) {
-        const int64_t left = s->elements - e0, at = e0 * s->points;
-        const int many = left < CHUNK ? (int)left : CHUNK, count = many * (int)s->points;
+        const int64_t left = s->elements - e0;
+        const int many = left < CHUNK ? (int)left : CHUNK;
         double c[TERMS][SPAN];
         for (int k = 0; k < many; k++)
             for (int term = 0; term < TERMS; term++)
-                for (int p = 0; p < s->points; p++)
-                    c[term][k * s->points + p] = form[(e0 + k) * apart + term];
-        double *restrict w = out + at;
-        for (int p = 0; p < count; p++) {
-            const double i1 = all1[at + p], i2 = all2[at + p], j = det[at + p];
-            const double x1 = c[0][p], x2 = c[1][p], x12 = c[2][p], x111 = c[3][p], kappa = c[4][p];
-            const double root = inverse_cube_root(j), a = root * root, b = a * a, inverse = 1 / j;
-            const double e1 = a * i1 - 3, e2 = b * i2 - 3, change = j - 1;
-            /* the slopes of e1 by I1 (a), of e2 by I2 (b), and theirs by J */
-            const double a_j = -2.0 / 3 * a * inverse, b_j = -4.0 / 3 * b * inverse;
-            const double e1_j = a_j * i1, e2_j = b_j * i2;
-            const double e1_jj = -5.0 / 3 * e1_j * inverse, e2_jj = -7.0 / 3 * e2_j * inverse;
-            const double w1 = x1 + x12 * e2 + 3 * x111 * e1 * e1, w2 = x2 + x12 * e1, w11 = 6 * x111 * e1;
-            w[p] = e1 * (x1 + x12 * e2 + x111 * e1 * e1) + x2 * e2 + 0.5 * kappa * change * change;
-            w[n + p] = w1 * a;
-            w[2 * n + p] = w2 * b;
-            w[3 * n + p] = w1 * e1_j + w2 * e2_j + kappa * change;
-            w[4 * n + p] = w11 * a * a;
-            w[5 * n + p] = x12 * a * b;
-            w[6 * n + p] = 0;
-            w[7 * n + p] = a * (w11 * e1_j + x12 * e2_j) + w1 * a_j;
-            w[8 * n + p] = b * x12 * e1_j + w2 * b_j;
-            w[9 * n + p] = e1_j * (w11 * e1_j + 2 * x12 * e2_j) + w1 * e1_jj + w2 * e2_jj + kappa;
-        }
+                for (int p = 0; p < q; p++) c[term][k * q + p] = form[(e0 + k) * apart + term];
+        potential(strain, s->elements * q, e0 * q, many * q, (const double (*)[SPAN])c, out);
     }
 }
 
@@ -455,7 +465,7 @@ INLINE void rates(const Mesh *s, const int q, const int a, int64_t e, const doub
     const int64_t n = s->elements * q, at = e * q;
     double value[5][MOST_POINTS];
     gradient(s, q, a, e, v, value);
-    for (int p = 0; p < q; p++) {
+    APART for (int p = 0; p < q; p++) {
         const double rr = f[at + p], rz = f[n + at + p], zr = f[2 * n + at + p], zz = f[3 * n + at + p];
         const double h = f[4 * n + at + p], w = s->volumes[at + p], dh = value[4][p];
         const double plane = rr * rr + rz * rz + zr * zr + zz * zz, j = rr * zz - rz * zr;
@@ -488,10 +498,11 @@ FAST void skinlab_work(const Mesh *s, const double *strain, const double *rate, 
     const double *all1 = strain + 5 * n, *all2 = strain + 6 * n, *det = strain + 7 * n;
     for (int64_t k = 0; k < many; k++) out[k] = 0;
     for (int64_t e = 0; e < s->elements; e++) {
-        double t[TERMS][MOST_POINTS], sum[TERMS] = {0};
+        double t[TERMS][MOST_POINTS], roots[MOST_POINTS], sum[TERMS] = {0};
+        inverse_cube_roots(q, det + e * q, roots);
         for (int p = 0; p < q; p++) {
             const int64_t at = e * q + p;
-            const double j = det[at], root = inverse_cube_root(j), a = root * root, b = a * a;
+            const double j = det[at], a = roots[p] * roots[p], b = a * a;
             const double j1 = a * all1[at], j2 = b * all2[at], e1 = j1 - 3, e2 = j2 - 3;
             const double share = rate[2 * n + at] / (3 * j);
             const double d1 = a * rate[at] - 2 * share * j1, d2 = b * rate[n + at] - 4 * share * j2;

@@ -101,7 +101,7 @@ def _counted_sizes(length: float, first: float, largest: float, count: int) -> A
     def excess(q: float) -> float:
         size, total = first, 0.0
         for _ in range(count):
-            total += min(size, largest)
+            total += size if size < largest else largest
             size *= q
         return total - length
 
@@ -167,17 +167,7 @@ def grid_mesh(
     nr, nz = len(r_lines) - 1, len(z_lines) - 1
     r_fine = _with_middles(r_lines)
     z_fine = _with_middles(z_lines)
-    # Number the nodes of the refined grid column by column; 8-node elements skip the centres.
-    number = np.full((2 * nr + 1, 2 * nz + 1), -1, dtype=np.intp)
-    used = np.ones_like(number, dtype=bool)
-    if nodes_per_element == 8:
-        used[1::2, 1::2] = False
-    number[used] = np.arange(int(used.sum()))
-    i = np.repeat(2 * np.arange(nr), nz)
-    j = np.tile(2 * np.arange(nz), nr)
-    offsets = [(0, 0), (2, 0), (2, 2), (0, 2), (1, 0), (2, 1), (1, 2), (0, 1), (1, 1)]
-    elements = np.column_stack([number[i + a, j + b] for a, b in offsets[:nodes_per_element]])
-    grid_i, grid_j = np.nonzero(used)
+    number, elements, grid_i, grid_j = _numbered(nr, nz, nodes_per_element)
     top = number[:, -1]
     tolerance = 1e-9 * max(radius_mm, 1.0)
     edges = np.column_stack([top[0:-2:2], top[2::2], top[1::2]])
@@ -195,6 +185,24 @@ def grid_mesh(
         layer=np.tile(rows, nr),
         loaded_to_mm=radius_mm,
     )
+
+
+@lru_cache(maxsize=16)
+def _numbered(nr: int, nz: int, nodes_per_element: int) -> tuple[Index, Index, Index, Index]:
+    """Return the number of each node of the refined grid, the elements, and each node's place.
+
+    Column by column; 8-node elements skip the centres, which are −1.
+    """
+    number = np.full((2 * nr + 1, 2 * nz + 1), -1, dtype=np.intp)
+    used = np.ones_like(number, dtype=bool)
+    if nodes_per_element == 8:
+        used[1::2, 1::2] = False
+    number[used] = np.arange(int(used.sum()))
+    i = np.repeat(2 * np.arange(nr), nz)
+    j = np.tile(2 * np.arange(nz), nr)
+    offsets = [(0, 0), (2, 0), (2, 2), (0, 2), (1, 0), (2, 1), (1, 2), (0, 1), (1, 1)]
+    elements = np.column_stack([number[i + a, j + b] for a, b in offsets[:nodes_per_element]])
+    return number, elements, *np.nonzero(used)
 
 
 def _to_quarter_points(mesh: Mesh, rim: int) -> None:
