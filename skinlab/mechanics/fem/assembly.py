@@ -129,12 +129,17 @@ class Assembly:
             (x @ by.T)[..., None] for x in (r, z) for by in (by_xi, by_eta)
         )  # (m, q, 1)
         det, radius = r_xi * z_eta - r_eta * z_xi, (r @ values.T)[..., None]
-        by_r = (z_eta * by_xi - z_xi * by_eta) / det
-        by_z = (r_xi * by_eta - r_eta * by_xi) / det
         # F takes half of the products when u_r and u_z are kept apart: rows ∂N/∂r, ∂N/∂z, N/r.
-        self._scalar_gradients = np.concatenate([by_r, by_z, values / radius], axis=1)
+        m, q = len(r), len(weights)
+        rows = np.empty((m, 3, q, r.shape[1]))
+        by_r, by_z, hoop = rows[:, 0], rows[:, 1], rows[:, 2]
+        np.multiply(z_eta / det, by_xi, out=by_r)
+        by_r -= z_xi / det * by_eta
+        np.multiply(r_xi / det, by_eta, out=by_z)
+        by_z -= r_eta / det * by_xi
+        np.divide(values, radius, out=hoop)
+        self._scalar_gradients = rows.reshape(m, 3 * q, -1)
         self.volumes = 2 * np.pi * (radius * det)[..., 0] * weights  # (m, q)
-        m = len(r)
         self.dofs = np.stack([2 * self.mesh.elements, 2 * self.mesh.elements + 1], -1).reshape(
             m, -1
         )
@@ -322,7 +327,8 @@ class Assembly:
             return None
         form = self.law.form(parameters)
         if form is None:
-            potential = self.law.potential(*strain.invariants, parameters)
+            i1, i2, det = strain.invariants
+            potential = self.law.potential(i1, i2, det, parameters)
             energy = kernel.Energy.of(potential, self.volumes.shape)
         else:
             energy = compiled.potential(strain, form)
@@ -384,7 +390,8 @@ class Assembly:
                 if form is not None:
                     total = total + factor * self._kernel.work(strain, changes, form)
                     continue
-                by_invariants = self.law.first_derivatives(*strain.invariants, parameters)
+                i1, i2, det = strain.invariants
+                by_invariants = self.law.first_derivatives(i1, i2, det, parameters)
                 for slope, change in zip(by_invariants, changes, strict=True):
                     if np.shape(slope) == change.shape:
                         total = total + factor * np.vdot(slope, change)

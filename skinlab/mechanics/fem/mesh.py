@@ -202,7 +202,8 @@ def _numbered(nr: int, nz: int, nodes_per_element: int) -> tuple[Index, Index, I
     j = np.tile(2 * np.arange(nz), nr)
     offsets = [(0, 0), (2, 0), (2, 2), (0, 2), (1, 0), (2, 1), (1, 2), (0, 1), (1, 1)]
     elements = np.column_stack([number[i + a, j + b] for a, b in offsets[:nodes_per_element]])
-    return number, elements, *np.nonzero(used)
+    grid_i, grid_j = np.nonzero(used)
+    return number, elements, grid_i, grid_j
 
 
 def _to_quarter_points(mesh: Mesh, rim: int) -> None:

@@ -366,8 +366,8 @@ def through_thickness(stretch: float, energy: HasPotential, parameters: Mapping[
 
     def stress(through: float) -> float:
         square = through**2
-        i1, i2, j = 2 * plane + square, plane * (2 * square + plane), plane * through
-        by_i1, by_i2, by_j = energy.first_derivatives(*map(number, (i1, i2, j)), parameters)
+        i1, i2 = number(2 * plane + square), number(plane * (2 * square + plane))
+        by_i1, by_i2, by_j = energy.first_derivatives(i1, i2, number(plane * through), parameters)
         return float(np.ravel(2 * through * (by_i1 + 2 * plane * by_i2) + plane * by_j)[0])
 
     try:
