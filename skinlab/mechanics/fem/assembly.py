@@ -195,10 +195,12 @@ class Assembly:
         self._edge_dofs = np.stack([2 * edges, 2 * edges + 1], -1).reshape(-1, 6)
         self._edge_x = self.mesh.nodes[edges]  # (k, 3, 2)
         self._edge_form = np.tile(_edge_form(1.0), (len(edges), 1, 1, 1))
+        self._rim: tuple[Array, Array] | None = None
+        if not len(edges):
+            return
         end = _where(self._edge_x[-1, :, 0], self.mesh.loaded_to_mm)
         if end < 1.0:  # the load ends within the last one
             self._edge_form[-1] = _edge_form(end)
-        self._rim: tuple[Array, Array] | None = None
         values = line_shape(np.array([end]))[0][0]
         equations = self.equation[self._edge_dofs[-1]].reshape(3, 2)
         moves = (equations < self.n) & (np.abs(values) > 1e-12)[:, None]
