@@ -157,7 +157,7 @@ def tangent_error(effects: Mapping[str, Values]) -> tuple[float, float]:
         exact[k:] += band[: assembly.n - k, k] * v[: assembly.n - k]
         exact[: assembly.n - k] += band[: assembly.n - k, k] * v[k:]
     if state.skew is not None:
-        e_r, e_z, size = state.skew
+        (e_r, e_z), size = state.skew
         exact -= pressure * size * (e_z * (e_r @ v) - e_r * (e_z @ v))
     steps = np.array([0.2, 0.1, 0.05])
     errors = [

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
+from types import MappingProxyType
 from typing import Any
 
 from skinlab.mechanics.effects.base import Effect, Parameter, Values
@@ -16,6 +17,7 @@ class Cubic(Energy):
 
     name = "cubic"
     linear = True
+    multiplies = MappingProxyType({"X3_MPa": "(J1 − 3)³"})
     parameter_names = ("X3_MPa",)
     source = "Yeoh 1993"
 

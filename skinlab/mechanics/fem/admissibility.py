@@ -37,11 +37,12 @@ FOLDED = Limits(0.02, np.inf, np.inf, 0.0, elliptic=False)  # nothing is turned 
 
 def fault(assembly: Assembly, unknowns: Array, state: State, limits: Limits) -> str:
     """Return why this state is not admissible, in a short phrase; empty where it is."""
-    tilt, stretch = surface(assembly, unknowns)
-    if tilt > limits.tilt_deg:
-        return "the surface folds over at the tape's edge"
-    if stretch < limits.surface_stretch:
-        return "the surface creases at the tape's edge"
+    if limits.tilt_deg < 180.0 or limits.surface_stretch > 0.0:
+        tilt, stretch = surface(assembly, unknowns)
+        if tilt > limits.tilt_deg:
+            return "the surface folds over at the tape's edge"
+        if stretch < limits.surface_stretch:
+            return "the surface creases at the tape's edge"
     if not (limits.j_min <= state.j_min and state.j_max <= limits.j_max):
         return "the change of volume is out of bounds"
     if limits.elliptic and not state.least_acoustic() > 0.0:

@@ -19,7 +19,7 @@ import ctypes
 from collections.abc import Callable, Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import Any
 
 import numpy as np
@@ -27,7 +27,13 @@ from numpy.typing import NDArray
 
 from skinlab.mechanics.fem import kernel
 from skinlab.mechanics.fem.banded import Banded, KernelBanded, LapackBanded
-from skinlab.mechanics.fem.element import Element, dilatation_basis, line_shape, quadrature, shape
+from skinlab.mechanics.fem.element import (
+    Element,
+    dilatation_basis,
+    line_shape,
+    quadrature,
+    shape_at_points,
+)
 from skinlab.mechanics.fem.mesh import Mesh
 from skinlab.mechanics.materials.base import HasPotential
 
@@ -48,7 +54,7 @@ class State:
     volume: float  # under the dome, mm³: the pressure's work is the integral of p dV
     j_min: float  # smallest and largest det F at a quadrature point
     j_max: float
-    skew: tuple[Array, Array, float] | None  # see `Assembly._rim_terms`; None where the rim is held
+    skew: tuple[Array, float] | None  # see `Assembly._rim_terms`; None where the rim is held
     deformation: Array  # (5, m, q) deformation gradients
     least_acoustic: Callable[[], float]  # least `ellipticity` over the points, MPa
 
@@ -116,19 +122,24 @@ class Assembly:
 
     def _set_gradients(self) -> None:
         at, weights = quadrature(self.element.points_1d)
-        values, slopes = shape(self.element.nodes, at)
+        values, slopes = shape_at_points(self.element.nodes, self.element.points_1d)
         r, z = np.moveaxis(self.mesh.nodes[self.mesh.elements], 2, 0)  # (m, a) each
         by_xi, by_eta = slopes[..., 0], slopes[..., 1]  # (q, a)
         r_xi, r_eta, z_xi, z_eta = (
             (x @ by.T)[..., None] for x in (r, z) for by in (by_xi, by_eta)
         )  # (m, q, 1)
         det, radius = r_xi * z_eta - r_eta * z_xi, (r @ values.T)[..., None]
-        by_r = (z_eta * by_xi - z_xi * by_eta) / det
-        by_z = (r_xi * by_eta - r_eta * by_xi) / det
         # F takes half of the products when u_r and u_z are kept apart: rows ∂N/∂r, ∂N/∂z, N/r.
-        self._scalar_gradients = np.concatenate([by_r, by_z, values / radius], axis=1)
+        m, q = len(r), len(weights)
+        rows = np.empty((m, 3, q, r.shape[1]))
+        by_r, by_z, hoop = rows[:, 0], rows[:, 1], rows[:, 2]
+        np.multiply(z_eta / det, by_xi, out=by_r)
+        by_r -= z_xi / det * by_eta
+        np.multiply(r_xi / det, by_eta, out=by_z)
+        by_z -= r_eta / det * by_xi
+        np.divide(values, radius, out=hoop)
+        self._scalar_gradients = rows.reshape(m, 3 * q, -1)
         self.volumes = 2 * np.pi * (radius * det)[..., 0] * weights  # (m, q)
-        m = len(r)
         self.dofs = np.stack([2 * self.mesh.elements, 2 * self.mesh.elements + 1], -1).reshape(
             m, -1
         )
@@ -183,22 +194,21 @@ class Assembly:
         edges = self.mesh.loaded_edges
         self._edge_dofs = np.stack([2 * edges, 2 * edges + 1], -1).reshape(-1, 6)
         self._edge_x = self.mesh.nodes[edges]  # (k, 3, 2)
-        gauss, weights = _EDGE_POINTS
-        # Load f_a = (−∫ N_a r z', ∫ N_a r r'), bilinear in the nodal r and z: f_a = T_abc r_b x_c.
-        self._edge_form = np.empty((len(edges), 3, 3, 3))
-        self._rim: tuple[Array, Index] | None = None
-        for k, r in enumerate(self._edge_x[..., 0]):
-            end = _where(r, self.mesh.loaded_to_mm)
-            share = 0.5 * (end + 1)
-            n, dn = line_shape(-1 + share * (gauss + 1))
-            w = 2 * np.pi * share * weights
-            self._edge_form[k] = np.einsum("q,qa,qb,qc->abc", w, n, n, dn)
-            if k == len(edges) - 1:
-                values = line_shape(np.array([end]))[0][0]
-                equations = self.equation[self._edge_dofs[k]].reshape(3, 2)
-                moves = (equations < self.n) & (np.abs(values) > 1e-12)[:, None]
-                if moves.any(axis=0).all():
-                    self._rim = values, equations
+        self._edge_form = np.tile(_edge_form(1.0), (len(edges), 1, 1, 1))
+        self._rim: tuple[Array, Array] | None = None
+        if not len(edges):
+            return
+        end = _where(self._edge_x[-1, :, 0], self.mesh.loaded_to_mm)
+        if end < 1.0:  # the load ends within the last one
+            self._edge_form[-1] = _edge_form(end)
+        values = line_shape(np.array([end]))[0][0]
+        equations = self.equation[self._edge_dofs[-1]].reshape(3, 2)
+        moves = (equations < self.n) & (np.abs(values) > 1e-12)[:, None]
+        if moves.any(axis=0).all():
+            e = np.zeros((2, self.n + 1))
+            np.add.at(e[0], equations[:, 0], values)
+            np.add.at(e[1], equations[:, 1], values)
+            self._rim = values, e[:, :-1]
 
     def _set_pattern(self) -> None:
         equations = self.equation[self.dofs]
@@ -233,7 +243,7 @@ class Assembly:
     def deformation_gradients(self, displacements: Array) -> Array:
         """Return F (5, m, q) at the quadrature points."""
         if self._kernel is not None:
-            return self._kernel.strain(displacements)[0]
+            return self._kernel.strain(displacements).f
         m, q = self.volumes.shape
         u = displacements.reshape(-1, 2)[self.mesh.elements]  # (m, a, 2)
         parts = np.matmul(self._scalar_gradients, u).reshape(m, 3, q, 2)
@@ -314,17 +324,23 @@ class Assembly:
         parameters: Mapping[str, Any],
         stress_2pk: Array | None,
     ) -> State | None:
-        f, i1, i2, det = compiled.strain(u)
-        j_min, j_max = float(det.min()), float(det.max())
-        if not j_min > 0.0:
+        strain = compiled.strain(u)
+        if not strain.j_min > 0.0:
             return None
-        potential = self.law.potential(i1, i2, det, parameters)
-        stored = float(np.vdot(self.volumes, potential.energy))
+        form = self.law.form(parameters)
+        if form is None:
+            i1, i2, det = strain.invariants
+            potential = self.law.potential(i1, i2, det, parameters)
+            energy = kernel.Energy.of(potential, self.volumes.shape)
+        else:
+            energy = compiled.potential(strain, form)
+        f, stored = strain.f, energy.stored(self.volumes)
         if stress_2pk is not None:
             work = 0.5 * (first_stress(f, stress_2pk) * f).sum(axis=0)
             stored += float(np.vdot(self.volumes, work))
-        energy = kernel.Energy(potential, det.shape)
-        band, internal, external, volume = compiled.assemble(u, f, energy, stress_2pk, pressure_mpa)
+        band, internal, external, volume = compiled.assemble(
+            u, strain, energy, stress_2pk, pressure_mpa
+        )
         return State(
             skew=self._rim_terms(u),
             energy=stored,
@@ -332,10 +348,10 @@ class Assembly:
             matrix=KernelBanded(compiled, band),
             load=external,
             volume=volume,
-            j_min=j_min,
-            j_max=j_max,
+            j_min=strain.j_min,
+            j_max=strain.j_max,
             deformation=f,
-            least_acoustic=lambda: compiled.ellipticity(f, energy, stress_2pk),
+            least_acoustic=lambda: compiled.ellipticity(strain, energy, stress_2pk),
         )
 
     def virtual_work(
@@ -348,8 +364,8 @@ class Assembly:
         """Return the residual's work (k,) along a direction (dofs,), N mm per mm of it.
 
         Of each of `sums`: internal forces, a factor and the energy's parameters of each, less the
-        suction's. With the compiled loops parameters may be arrays (k, 1, 1): then a sum is k of
-        them. None where an element is turned inside out.
+        suction's. With the compiled loops parameters may be arrays (k, 1, 1), or those of k forms:
+        then a sum is k of them. None where an element is turned inside out.
         """
         if self._kernel is None:
             found = np.zeros(len(sums))
@@ -364,14 +380,19 @@ class Assembly:
                 found[k] -= pressure_mpa * (load @ direction)
             return found
         u = self.full(unknowns)
-        f, i1, i2, det = self._kernel.strain(u)
-        if not det.min() > 0.0:
+        strain = self._kernel.strain(u)
+        if not strain.j_min > 0.0:
             return None
-        changes, load = self._kernel.rates(u, f, self.full(direction))
+        changes, load = self._kernel.rates(u, strain, self.full(direction))
         work = []
         for terms in sums:
             total: Any = -pressure_mpa * (load @ direction)
             for factor, parameters in terms:
+                form = self.law.form(parameters)
+                if form is not None:
+                    total = total + factor * self._kernel.work(strain, changes, form)
+                    continue
+                i1, i2, det = strain.invariants
                 by_invariants = self.law.first_derivatives(i1, i2, det, parameters)
                 for slope, change in zip(by_invariants, changes, strict=True):
                     if np.shape(slope) == change.shape:
@@ -450,21 +471,30 @@ class Assembly:
         volume = float(np.einsum("ka,ka->", load[..., 1], z))
         return load.reshape(k, 6), symmetric, volume
 
-    def _rim_terms(self, displacements: Array) -> tuple[Array, Array, float] | None:
-        """Return (e_r, e_z, π r): the load's derivative has the part π r (e_z e_rᵀ − e_r e_zᵀ).
+    def _rim_terms(self, displacements: Array) -> tuple[Array, float] | None:
+        """Return (e_r, e_z) and π r: the load's derivative has the part π r (e_z e_rᵀ − e_r e_zᵀ).
 
         Where the load ends on a surface that is free to move, at radius r, its work is no longer
         p times a volume, 2π ∫ r z r' ds: it lacks 2π r z dr there, the form whose derivative is
-        2π r dz ∧ dr. e_r and e_z (n,) pick the rim's motion out of the unknowns.
+        2π r dz ∧ dr. e_r and e_z, (2, n), pick the rim's motion out of the unknowns.
         """
         if self._rim is None:
             return None
-        values, equations = self._rim
-        e = np.zeros((2, self.n + 1))
-        np.add.at(e[0], equations[:, 0], values)
-        np.add.at(e[1], equations[:, 1], values)
-        x = self._edge_x[-1, :, 0] + displacements[self._edge_dofs[-1]].reshape(3, 2)[:, 0]
-        return e[0, :-1], e[1, :-1], float(np.pi * (values @ x))
+        values, e = self._rim
+        x = self._edge_x[-1, :, 0] + displacements[self._edge_dofs[-1, ::2]]
+        return e, float(np.pi * (values @ x))
+
+
+@lru_cache(maxsize=64)
+def _edge_form(end: float) -> Array:
+    """Return T (3, 3, 3) of the load on an edge from −1 to `end`, f_a = T_abc r_b x_c.
+
+    That is (−∫ N_a r z', ∫ N_a r r'), bilinear in the nodal r and z.
+    """
+    gauss, weights = _EDGE_POINTS
+    share = 0.5 * (end + 1)
+    n, dn = line_shape(-1 + share * (gauss + 1))
+    return np.asarray(np.einsum("q,qa,qb,qc->abc", 2 * np.pi * share * weights, n, n, dn))
 
 
 def _where(r: Array, radius_mm: float) -> float:

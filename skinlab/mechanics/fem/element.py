@@ -53,6 +53,12 @@ def dilatation_basis(modes: int, at: Array) -> Array:
     return np.column_stack([np.ones(len(at)), at])[:, :modes]
 
 
+@cache
+def shape_at_points(nodes: int, points_1d: int) -> tuple[Array, Array]:
+    """Return `shape` at the points of `quadrature`."""
+    return shape(nodes, quadrature(points_1d)[0])
+
+
 def shape(nodes: int, at: Array) -> tuple[Array, Array]:
     """Return shape functions (n, nodes) and their derivatives (n, nodes, 2) at points (n, 2)."""
     return _serendipity(at) if nodes == 8 else _biquadratic(at)

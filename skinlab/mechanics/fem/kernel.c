@@ -1,7 +1,8 @@
 /* The finite elements' inner loops: from displacements to residual, banded tangent and its solution.
  *
- * The same formulas as `assembly.py`, which holds without this library and says what they are. An
- * energy is asked for in Python between `skinlab_strain` and `skinlab_assemble`: any law can be used.
+ * The same formulas as `assembly.py`, which holds without this library and says what they are. Between
+ * `skinlab_strain` and `skinlab_assemble` any law can be asked in Python; sums of the terms that
+ * `skinlab_potential` knows need not be.
  * Points are numbered through all elements; N = elements * points. Components of F in the order rr,
  * rz, zr, zz, hoop. Nothing is kept between calls: threads may share a mesh.
  */
@@ -16,6 +17,11 @@
 #define FAST
 #endif
 #define INLINE static inline __attribute__((always_inline))
+#if defined(__GNUC__) && !defined(__clang__)
+#define APART _Pragma("GCC ivdep") /* rows of N that a loop writes do not overlap */
+#else
+#define APART
+#endif
 
 #define CHUNK 8       /* elements whose points are taken together, so that loops over points are long */
 #define MOST_POINTS 9 /* of an element */
@@ -46,10 +52,16 @@ typedef struct {
     const int32_t *edge_equations; /* (edges, 6) */
 } Mesh;
 
-/* The energy's derivatives at the points, in the order of `Potential` */
+/* The energy's derivatives at the points */
 typedef struct {
-    const double *energy, *i1, *i2, *j, *i1_i1, *i1_i2, *i2_i2, *i1_j, *i2_j, *j_j;
+    const double *i1, *i2, *j, *i1_i1, *i1_i2, *i2_i2, *i1_j, *i2_j, *j_j;
 } Energy;
+
+/* `w` (10, N): the energy and these, in the order of `Potential` */
+INLINE Energy energy_at(const double *w, int64_t n) {
+    return (Energy){w + n,     w + 2 * n, w + 3 * n, w + 4 * n, w + 5 * n,
+                    w + 6 * n, w + 7 * n, w + 8 * n, w + 9 * n};
+}
 
 /* Symmetric 5 x 5, lower part by rows */
 #define AT(i, k) ((i) * ((i) + 1) / 2 + (k))
@@ -74,12 +86,12 @@ INLINE void gradient(const Mesh *s, const int q, const int a, int64_t e, const d
 }
 
 INLINE void strain(const Mesh *s, const int q, const int a, int64_t e, const double *restrict u,
-                   double *restrict f, double *restrict i1, double *restrict i2, double *restrict det) {
+                   double *restrict f) {
     const int64_t n = s->elements * q, at = e * q;
     double value[5][MOST_POINTS];
     gradient(s, q, a, e, u, value);
     const double s0 = s->start[e], s1 = s->start[s->elements + e], s2 = s->start[2 * s->elements + e];
-    for (int p = 0; p < q; p++) {
+    APART for (int p = 0; p < q; p++) {
         const double rr = value[0][p] + s0, rz = value[1][p], zr = value[2][p];
         const double zz = value[3][p] + s1, hoop = value[4][p] + s2;
         const double plane = rr * rr + rz * rz + zr * zr + zz * zz, j = rr * zz - rz * zr;
@@ -89,18 +101,93 @@ INLINE void strain(const Mesh *s, const int q, const int a, int64_t e, const dou
         f[2 * n + at + p] = zr;
         f[3 * n + at + p] = zz;
         f[4 * n + at + p] = hoop;
-        i1[at + p] = plane + h2;
-        i2[at + p] = j * j + plane * h2;
-        det[at + p] = j * hoop;
+        f[5 * n + at + p] = plane + h2;
+        f[6 * n + at + p] = j * j + plane * h2;
+        f[7 * n + at + p] = j * hoop;
     }
 }
 
-FAST void skinlab_strain(const Mesh *s, const double *u, double *f, double *i1, double *i2, double *det) {
+/* `out` (8, N) and two more: F, I1, I2 and det F, and the least and the largest det F, not a number where
+ * one is not. */
+FAST void skinlab_strain(const Mesh *s, const double *u, double *out) {
+    const int64_t n = s->elements * s->points;
+    const double *det = out + 7 * n;
+    double least = INFINITY, most = -INFINITY, sum = 0;
     for (int64_t e = 0; e < s->elements; e++) {
         if (s->points == 9 && s->nodes == 8)
-            strain(s, 9, 8, e, u, f, i1, i2, det);
+            strain(s, 9, 8, e, u, out);
         else
-            strain(s, (int)s->points, (int)s->nodes, e, u, f, i1, i2, det);
+            strain(s, (int)s->points, (int)s->nodes, e, u, out);
+    }
+    for (int64_t p = 0; p < n; p++) {
+        least = det[p] < least ? det[p] : least;
+        most = det[p] > most ? det[p] : most;
+        sum += det[p];
+    }
+    out[8 * n] = sum != sum ? NAN : least;
+    out[8 * n + 1] = sum != sum ? NAN : most;
+}
+
+/* x^(-1/3) for `count` x > 0: a guess by the exponent, 4 % off at most, and steps that leave the third
+ * power of what is off. Its loops become vectors, unlike those of `pow`. */
+INLINE void inverse_cube_roots(int count, const double *restrict x, double *restrict y) {
+    uint64_t bits[SPAN];
+    memcpy(bits, x, count * sizeof *x);
+    for (int p = 0; p < count; p++) bits[p] = (0x553ef0ff - (bits[p] >> 32) / 3) << 32;
+    memcpy(y, bits, count * sizeof *x);
+    for (int p = 0; p < count; p++)
+        for (int k = 0; k < 3; k++) {
+            const double off = 1 - x[p] * y[p] * y[p] * y[p];
+            y[p] += y[p] * off * (1.0 / 3 + 2.0 / 9 * off);
+        }
+}
+
+/* Energies that are known here are, in each element, sums of terms e1, e2, e1 e2, e1^3 and (J - 1)^2 / 2,
+ * with e1 = J^(-2/3) I1 - 3 and e2 = J^(-4/3) I2 - 3, times numbers of its own, those of the next element
+ * `apart` further: 0 where all are of one tissue. */
+#define TERMS 5
+
+/* At `count` points from `at` on, the numbers `c`: the energy and its derivatives. */
+INLINE void potential(const double *restrict strain, int64_t n, int64_t at, int count,
+                      const double c[TERMS][SPAN], double *restrict out) {
+    const double *all1 = strain + 5 * n + at, *all2 = strain + 6 * n + at, *det = strain + 7 * n + at;
+    double roots[SPAN], *w = out + at;
+    inverse_cube_roots(count, det, roots);
+    APART for (int p = 0; p < count; p++) {
+        const double i1 = all1[p], i2 = all2[p], j = det[p];
+        const double x1 = c[0][p], x2 = c[1][p], x12 = c[2][p], x111 = c[3][p], kappa = c[4][p];
+        const double a = roots[p] * roots[p], b = a * a, inverse = 1 / j;
+        const double e1 = a * i1 - 3, e2 = b * i2 - 3, change = j - 1;
+        /* the slopes of e1 by I1 (a), of e2 by I2 (b), and theirs by J */
+        const double a_j = -2.0 / 3 * a * inverse, b_j = -4.0 / 3 * b * inverse;
+        const double e1_j = a_j * i1, e2_j = b_j * i2;
+        const double e1_jj = -5.0 / 3 * e1_j * inverse, e2_jj = -7.0 / 3 * e2_j * inverse;
+        const double w1 = x1 + x12 * e2 + 3 * x111 * e1 * e1, w2 = x2 + x12 * e1, w11 = 6 * x111 * e1;
+        w[p] = e1 * (x1 + x12 * e2 + x111 * e1 * e1) + x2 * e2 + 0.5 * kappa * change * change;
+        w[n + p] = w1 * a;
+        w[2 * n + p] = w2 * b;
+        w[3 * n + p] = w1 * e1_j + w2 * e2_j + kappa * change;
+        w[4 * n + p] = w11 * a * a;
+        w[5 * n + p] = x12 * a * b;
+        w[6 * n + p] = 0;
+        w[7 * n + p] = a * (w11 * e1_j + x12 * e2_j) + w1 * a_j;
+        w[8 * n + p] = b * x12 * e1_j + w2 * b_j;
+        w[9 * n + p] = e1_j * (w11 * e1_j + 2 * x12 * e2_j) + w1 * e1_jj + w2 * e2_jj + kappa;
+    }
+}
+
+/* `out` (10, N): the energy and its derivatives from what `skinlab_strain` says. */
+FAST void skinlab_potential(const Mesh *s, const double *strain, const double *form, int64_t apart,
+                            double *out) {
+    const int q = (int)s->points;
+    for (int64_t e0 = 0; e0 < s->elements; e0 += CHUNK) {
+        const int64_t left = s->elements - e0;
+        const int many = left < CHUNK ? (int)left : CHUNK;
+        double c[TERMS][SPAN];
+        for (int k = 0; k < many; k++)
+            for (int term = 0; term < TERMS; term++)
+                for (int p = 0; p < q; p++) c[term][k * q + p] = form[(e0 + k) * apart + term];
+        potential(strain, s->elements * q, e0 * q, many * q, (const double (*)[SPAN])c, out);
     }
 }
 
@@ -343,19 +430,20 @@ static double suction(const Mesh *s, const double *u, double pressure, double *b
 /* `band` has whole blocks of columns and one entry more; `internal` and `load` (unknowns + 1) are zero on
  * entry; `extra` (4, N) is a second Piola-Kirchhoff stress, or nothing. Returns the volume under the
  * dome. */
-FAST double skinlab_assemble(const Mesh *s, const double *u, const double *f, const Energy *w,
+FAST double skinlab_assemble(const Mesh *s, const double *u, const double *f, const double *energy,
                              const double *extra, double pressure, double *band, double *internal,
                              double *load) {
     const int q = (int)s->points, a = (int)s->nodes;
     const int64_t n = s->elements * q;
     const int64_t columns = (s->unknowns + BLOCK - 1) / BLOCK * BLOCK;
+    const Energy w = energy_at(energy, n);
     double c[PAIRS][SPAN], stress[5][SPAN];
     memset(band, 0, (columns * s->width + 1) * sizeof *band);
     for (int64_t e0 = 0; e0 < s->elements; e0 += CHUNK) {
         const int64_t left = s->elements - e0;
         const int many = left < CHUNK ? (int)left : CHUNK;
-        stress_at(f, n, e0 * q, many * q, w, extra, stress);
-        moduli_at(f, n, e0 * q, many * q, w, extra, c);
+        stress_at(f, n, e0 * q, many * q, &w, extra, stress);
+        moduli_at(f, n, e0 * q, many * q, &w, extra, c);
         for (int k = 0; k < many; k++) {
             if (q == 9 && a == 8) {
                 force_of(s, 9, 8, e0 + k, 9 * k, (const double (*)[SPAN])stress, internal);
@@ -373,43 +461,73 @@ FAST double skinlab_assemble(const Mesh *s, const double *u, const double *f, co
 }
 
 INLINE void rates(const Mesh *s, const int q, const int a, int64_t e, const double *restrict f,
-                  const double *restrict v, double *restrict i1, double *restrict i2,
-                  double *restrict det) {
+                  const double *restrict v, double *restrict out) {
     const int64_t n = s->elements * q, at = e * q;
     double value[5][MOST_POINTS];
     gradient(s, q, a, e, v, value);
-    for (int p = 0; p < q; p++) {
+    APART for (int p = 0; p < q; p++) {
         const double rr = f[at + p], rz = f[n + at + p], zr = f[2 * n + at + p], zz = f[3 * n + at + p];
         const double h = f[4 * n + at + p], w = s->volumes[at + p], dh = value[4][p];
         const double plane = rr * rr + rz * rz + zr * zr + zz * zz, j = rr * zz - rz * zr;
         const double d_plane = 2 * (rr * value[0][p] + rz * value[1][p] + zr * value[2][p] + zz * value[3][p]);
         const double d_j = zz * value[0][p] - zr * value[1][p] - rz * value[2][p] + rr * value[3][p];
-        i1[at + p] = w * (d_plane + 2 * h * dh);
-        i2[at + p] = w * (2 * j * d_j + h * h * d_plane + 2 * h * plane * dh);
-        det[at + p] = w * (h * d_j + j * dh);
+        out[at + p] = w * (d_plane + 2 * h * dh);
+        out[n + at + p] = w * (2 * j * d_j + h * h * d_plane + 2 * h * plane * dh);
+        out[2 * n + at + p] = w * (h * d_j + j * dh);
     }
 }
 
-/* How I1, I2 and det F change along displacements `v`, times the points' volumes, and the load. */
-FAST void skinlab_rates(const Mesh *s, const double *u, const double *f, const double *v, double *i1,
-                        double *i2, double *det, double *load) {
+/* How I1, I2 and det F (3, N) change along displacements `v`, times the points' volumes, and the load. */
+FAST void skinlab_rates(const Mesh *s, const double *u, const double *strain, const double *v, double *out,
+                        double *load) {
     for (int64_t e = 0; e < s->elements; e++) {
         if (s->points == 9 && s->nodes == 8)
-            rates(s, 9, 8, e, f, v, i1, i2, det);
+            rates(s, 9, 8, e, strain, v, out);
         else
-            rates(s, (int)s->points, (int)s->nodes, e, f, v, i1, i2, det);
+            rates(s, (int)s->points, (int)s->nodes, e, strain, v, out);
     }
     suction(s, u, 0.0, 0, load);
 }
 
-/* The least eigenvalue of the acoustic tensor over directions in the r-z plane and over all points. */
-FAST double skinlab_ellipticity(const Mesh *s, const double *f, const Energy *w, const double *extra) {
+/* How `many` energies change, from what `skinlab_strain` and `skinlab_rates` say; the form of the next one
+ * begins `next` further. */
+FAST void skinlab_work(const Mesh *s, const double *strain, const double *rate, int64_t many,
+                       const double *form, int64_t next, int64_t apart, double *out) {
     const int q = (int)s->points;
     const int64_t n = s->elements * q;
+    const double *all1 = strain + 5 * n, *all2 = strain + 6 * n, *det = strain + 7 * n;
+    for (int64_t k = 0; k < many; k++) out[k] = 0;
+    for (int64_t e = 0; e < s->elements; e++) {
+        double t[TERMS][MOST_POINTS], roots[MOST_POINTS], sum[TERMS] = {0};
+        inverse_cube_roots(q, det + e * q, roots);
+        for (int p = 0; p < q; p++) {
+            const int64_t at = e * q + p;
+            const double j = det[at], a = roots[p] * roots[p], b = a * a;
+            const double j1 = a * all1[at], j2 = b * all2[at], e1 = j1 - 3, e2 = j2 - 3;
+            const double share = rate[2 * n + at] / (3 * j);
+            const double d1 = a * rate[at] - 2 * share * j1, d2 = b * rate[n + at] - 4 * share * j2;
+            t[0][p] = d1;
+            t[1][p] = d2;
+            t[2][p] = e2 * d1 + e1 * d2;
+            t[3][p] = 3 * e1 * e1 * d1;
+            t[4][p] = (j - 1) * rate[2 * n + at];
+        }
+        for (int term = 0; term < TERMS; term++)
+            for (int p = 0; p < q; p++) sum[term] += t[term][p];
+        for (int64_t k = 0; k < many; k++)
+            for (int term = 0; term < TERMS; term++) out[k] += form[k * next + e * apart + term] * sum[term];
+    }
+}
+
+/* The least eigenvalue of the acoustic tensor over directions in the r-z plane and over all points. */
+FAST double skinlab_ellipticity(const Mesh *s, const double *f, const double *energy, const double *extra) {
+    const int q = (int)s->points;
+    const int64_t n = s->elements * q;
+    const Energy w = energy_at(energy, n);
     double c[PAIRS][SPAN], least[SPAN], sum[SPAN], result = INFINITY;
     for (int64_t at = 0; at < n; at += SPAN) {
         const int count = n - at < SPAN ? (int)(n - at) : SPAN;
-        moduli_at(f, n, at, count, w, extra, c);
+        moduli_at(f, n, at, count, &w, extra, c);
         for (int p = 0; p < count; p++) least[p] = INFINITY, sum[p] = 0;
         for (int angle = 0; angle < 8; angle++) {
             const double x = cos(angle * 3.14159265358979323846 / 8);

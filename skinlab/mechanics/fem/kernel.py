@@ -1,7 +1,7 @@
 """The compiled inner loops, `kernel.c`, where an installation has them.
 
 They are built when the package is installed where there is a C compiler (`hatch_build.py`).
-Without them `assembly.py` computes the same with numpy, in some three times the time.
+Without them `assembly.py` computes the same with numpy, in some eight times the time.
 """
 
 from __future__ import annotations
@@ -9,7 +9,7 @@ from __future__ import annotations
 import ctypes
 import hashlib
 from copy import copy
-from functools import cache
+from functools import cache, lru_cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -28,6 +28,7 @@ _PADDING = 16  # zeros behind each column of the band: BLOCK + TILE of the sourc
 _BLOCK = 8
 _SPARES = 2
 _POINTER, _INTEGER, _REAL = ctypes.c_void_p, ctypes.c_int64, ctypes.c_double
+_addressof, _from_buffer = ctypes.addressof, ctypes.c_char.from_buffer
 
 
 @cache
@@ -45,9 +46,13 @@ def load(path: Path, source: Path) -> ctypes.CDLL | None:
             return None
     except (OSError, AttributeError):
         return None
-    found.skinlab_strain.argtypes = [_POINTER] * 6
+    found.skinlab_strain.argtypes = [_POINTER] * 3
+    found.skinlab_potential.argtypes = [*[_POINTER] * 3, _INTEGER, _POINTER]
+    found.skinlab_work.argtypes = [
+        *[_POINTER] * 3, _INTEGER, _POINTER, _INTEGER, _INTEGER, _POINTER,
+    ]  # fmt: skip
     found.skinlab_assemble.argtypes = [*[_POINTER] * 5, _REAL, *[_POINTER] * 3]
-    found.skinlab_rates.argtypes = [_POINTER] * 8
+    found.skinlab_rates.argtypes = [_POINTER] * 6
     found.skinlab_ellipticity.argtypes = [_POINTER] * 4
     found.skinlab_factorise.argtypes = [_INTEGER, _INTEGER, _POINTER, _POINTER]
     found.skinlab_solve.argtypes = [
@@ -70,6 +75,7 @@ def load(path: Path, source: Path) -> ctypes.CDLL | None:
     found.skinlab_domes.argtypes = [*[_INTEGER] * 5, *[_POINTER] * 7]
     found.skinlab_splines.restype = found.skinlab_domes.restype = None
     found.skinlab_strain.restype = found.skinlab_rates.restype = found.skinlab_solve.restype = None
+    found.skinlab_potential.restype = found.skinlab_work.restype = None
     found.skinlab_assemble.restype = found.skinlab_ellipticity.restype = _REAL
     found.skinlab_factorise.restype = _INTEGER
     return found
@@ -114,13 +120,13 @@ class Kernel:
         self.library = found
         self.shape, self.unknowns, self.band = volumes.shape, unknowns, band
         self.width = band + 1 + _PADDING
-        self._columns = -(-unknowns // _BLOCK) * _BLOCK
-        whole = [element, equations, self._slots(equations)]
+        self._columns = _whole_blocks(unknowns)
+        nodes, places = (np.ascontiguousarray(x, dtype=np.int32) for x in (element, equations))
         self._rest: list[NDArray[Any]] = [
-            *(np.ascontiguousarray(x, dtype=np.int32) for x in whole),
+            nodes, places, _slots(places.tobytes(), len(places), unknowns, self.width),
             *(np.ascontiguousarray(x, dtype=np.float64) for x in (edge_form, edge_place)),
             *(np.ascontiguousarray(x, dtype=np.int32) for x in (edge, edge_equations)),
-        ]
+        ]  # fmt: skip
         self._set_tissue(gradients, volumes, start)
 
     def of_tissue(self, gradients: Array, volumes: Array, start: Array) -> Kernel:
@@ -140,34 +146,23 @@ class Kernel:
         )
         self._at = ctypes.addressof(self._mesh)
 
-    def _slots(self, equations: Index) -> Index:
-        """Return where in the band rr, rz and zz of each pair of nodes go: (m, 3, a, a)."""
-        r, z = equations[:, 0::2, None], equations[:, 1::2, None]
-        rows = np.stack(np.broadcast_arrays(r, r, z), axis=1)
-        columns = np.stack([x.transpose(0, 2, 1) for x in np.broadcast_arrays(r, z, z)], axis=1)
-        low, high = np.minimum(rows, columns), np.maximum(rows, columns)
-        outside = self._columns * self.width  # what is fixed shares a dustbin at the end
-        return np.where(high < self.unknowns, low * self.width + high - low, outside)
+    def strain(self, displacements: Array) -> Strain:
+        """Return the deformation at the points."""
+        strain = Strain(self.shape)
+        self.library.skinlab_strain(self._at, _address(displacements), strain.at)
+        return strain
 
-    def strain(self, displacements: Array) -> tuple[Array, Array, Array, Array]:
-        """Return F (5, m, q), I1, I2 and det F (m, q)."""
-        f = np.empty((5, *self.shape))
-        invariants = np.empty((3, *self.shape))
-        i1, i2, det = invariants
-        self.library.skinlab_strain(
-            self._at,
-            _address(displacements),
-            _address(f),
-            _address(i1),
-            _address(i2),
-            _address(det),
-        )
-        return f, i1, i2, det
+    def potential(self, strain: Strain, form: Array) -> Energy:
+        """Return the energy, and its derivatives, of `materials.energy.TERMS` times a form."""
+        energy = Energy(np.empty((len(Potential.__slots__), *self.shape)))
+        _, apart = _strides(form)
+        self.library.skinlab_potential(self._at, strain.at, _address(form), apart, energy.at)
+        return energy
 
     def assemble(
         self,
         displacements: Array,
-        f: Array,
+        strain: Strain,
         energy: Energy,
         stress_2pk: Array | None,
         pressure_mpa: float,
@@ -177,7 +172,7 @@ class Kernel:
         forces = np.zeros((2, self.unknowns + 1))
         extra = None if stress_2pk is None else np.ascontiguousarray(stress_2pk)
         volume = self.library.skinlab_assemble(
-            self._at, _address(displacements), _address(f), energy.at, _address(extra),
+            self._at, _address(displacements), strain.at, energy.at, _address(extra),
             pressure_mpa, _address(band), _address(forces[0]), _address(forces[1]),
         )  # fmt: skip
         return band, forces[0, :-1], forces[1, :-1], float(volume)
@@ -192,24 +187,32 @@ class Kernel:
         if len(self._spare) < _SPARES:
             self._spare.append(band)
 
-    def rates(self, displacements: Array, f: Array, direction: Array) -> tuple[Array, Array]:
+    def rates(self, displacements: Array, strain: Strain, direction: Array) -> tuple[Array, Array]:
         """Return how I1, I2 and det F change along a direction, and the load per MPa (dofs,).
 
         The changes (3, m, q) are times the points' volumes.
         """
-        changes = np.empty((3, *self.shape))
-        load = np.zeros(self.unknowns + 1)
+        changes, load = np.empty((3, *self.shape)), np.zeros(self.unknowns + 1)
         self.library.skinlab_rates(
-            self._at, _address(displacements), _address(f), _address(direction),
-            *(_address(change) for change in changes), _address(load),
+            self._at, _address(displacements), strain.at, _address(direction), _address(changes),
+            _address(load),
         )  # fmt: skip
         return changes, load[:-1]
 
-    def ellipticity(self, f: Array, energy: Energy, stress_2pk: Array | None) -> float:
+    def work(self, strain: Strain, changes: Array, form: Array) -> Array:
+        """Return how the energies of forms (k, …) or of one change, (k,), with these `rates`."""
+        found = np.empty(len(form) if form.ndim == 3 else 1)
+        self.library.skinlab_work(
+            self._at, strain.at, _address(changes), len(found), _address(form), *_strides(form),
+            _address(found),
+        )  # fmt: skip
+        return found
+
+    def ellipticity(self, strain: Strain, energy: Energy, stress_2pk: Array | None) -> float:
         """Return the least of `admissibility.ellipticity` over all points."""
         extra = None if stress_2pk is None else np.ascontiguousarray(stress_2pk)
         return float(
-            self.library.skinlab_ellipticity(self._at, _address(f), energy.at, _address(extra))
+            self.library.skinlab_ellipticity(self._at, strain.at, energy.at, _address(extra))
         )
 
     def factorise(self, band: Array) -> Array | None:
@@ -229,6 +232,23 @@ class Kernel:
             n, self.width, _address(factor), _address(inverse), k, padded.shape[1], _address(padded)
         )
         return padded[:, :n]
+
+
+def _whole_blocks(unknowns: int) -> int:
+    return -(-unknowns // _BLOCK) * _BLOCK
+
+
+@lru_cache(maxsize=16)  # what changes a skin seldom changes the numbers of its equations
+def _slots(equations: bytes, elements: int, unknowns: int, width: int) -> NDArray[np.int32]:
+    """Return where in the band rr, rz and zz of each pair of nodes go: (m, 3, a, a)."""
+    both = np.frombuffer(equations, dtype=np.int32).reshape(elements, -1)
+    r, z = both[:, 0::2, None], both[:, 1::2, None]
+    rows = np.stack(np.broadcast_arrays(r, r, z), axis=1)
+    columns = np.stack([x.transpose(0, 2, 1) for x in np.broadcast_arrays(r, z, z)], axis=1)
+    low, high = np.minimum(rows, columns), np.maximum(rows, columns)
+    outside = _whole_blocks(unknowns) * width  # what is fixed shares a dustbin at the end
+    slots = np.where(high < unknowns, low * width + high - low, outside)
+    return np.ascontiguousarray(slots, dtype=np.int32)
 
 
 class Spline:
@@ -367,18 +387,63 @@ def add_integrated(part: CurveGrams, whole: Array, log_determinant: Array) -> in
     return None if failed < 0 else int(failed)
 
 
-class Energy:
-    """Addresses of a potential's arrays."""
+class Strain:
+    """The deformation at the points (m, q), and where the library finds it."""
 
-    def __init__(self, potential: Potential, shape: tuple[int, int]) -> None:
-        self._kept = [
-            np.ascontiguousarray(
-                x if np.shape(x) == shape else np.broadcast_to(x, shape), dtype=np.float64
-            )
-            for x in (getattr(potential, name) for name in Potential.__slots__)
-        ]
-        self._addresses = (_POINTER * len(self._kept))(*(_address(x) for x in self._kept))
-        self.at = ctypes.addressof(self._addresses)
+    def __init__(self, shape: tuple[int, int]) -> None:
+        """Take memory for it."""
+        size = shape[0] * shape[1]
+        self._block = np.empty(8 * size + 2)
+        self._whole = self._block[:-2].reshape(8, *shape)
+        self.at = _address(self._block)
+
+    @property
+    def f(self) -> Array:
+        """Deformation gradients (5, m, q)."""
+        return self._whole[:5]
+
+    @property
+    def invariants(self) -> tuple[Array, Array, Array]:
+        """I1, I2 and det F (m, q)."""
+        _, _, _, _, _, i1, i2, det = self._whole
+        return i1, i2, det
+
+    @property
+    def j_min(self) -> float:
+        """The least det F; not a number where one is not."""
+        return float(self._block[-2])
+
+    @property
+    def j_max(self) -> float:
+        """The largest det F."""
+        return float(self._block[-1])
+
+
+class Energy:
+    """An energy and its derivatives (10, m, q), in the order of `Potential`."""
+
+    def __init__(self, values: Array) -> None:
+        """Take them as they are."""
+        self._values = values  # alive as long as the address
+        self.at = _address(values)
+
+    @classmethod
+    def of(cls, potential: Potential, shape: tuple[int, int]) -> Energy:
+        """Return what a law says at points (m, q)."""
+        values = np.empty((len(Potential.__slots__), *shape))
+        for here, (_, each) in zip(values, potential.named(), strict=True):
+            here[...] = each
+        return cls(values)
+
+    def stored(self, volumes: Array) -> float:
+        """Return what is stored at points of these volumes, mm³: N mm."""
+        return float(np.vdot(volumes, self._values[0]))
+
+
+def _strides(form: Array) -> tuple[int, int]:
+    """Return how far the next form of (k, m or 1, terms) begins, and that of the next element."""
+    *_, m, terms = form.shape
+    return m * terms, terms if m > 1 else 0
 
 
 def _address(array: NDArray[np.generic] | None) -> int | None:
@@ -386,6 +451,6 @@ def _address(array: NDArray[np.generic] | None) -> int | None:
         return None
     memory: Any = array
     try:
-        return ctypes.addressof(ctypes.c_char.from_buffer(memory))  # four times as fast
+        return _addressof(_from_buffer(memory))  # four times as fast
     except (TypeError, ValueError):  # read only, or empty
         return int(array.__array_interface__["data"][0])

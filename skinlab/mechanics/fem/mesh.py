@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -92,19 +92,23 @@ ROWS_BELOW = 4  # in each layer under the skin
 _STEEPEST = 20.0  # ratio from one element to the next
 
 
+@lru_cache(maxsize=64)  # meshes of which one length differs follow one another
 def _counted_sizes(length: float, first: float, largest: float, count: int) -> Array:
     if count * first >= length:
         return np.full(count, length / count)
     largest = max(largest, length / count)
-    steps = np.arange(count)
 
     def excess(q: float) -> float:
-        return float(np.minimum(first * q**steps, largest).sum()) - length
+        size, total = first, 0.0
+        for _ in range(count):
+            total += size if size < largest else largest
+            size *= q
+        return total - length
 
     if excess(_STEEPEST) <= 0:  # the cap is too low for so few elements: even sizes but the first
         return np.concatenate([[first], np.full(count - 1, (length - first) / (count - 1))])
     q = brentq(excess, 1.0, _STEEPEST, xtol=1e-14)
-    return np.asarray(np.minimum(first * q**steps, largest))
+    return np.asarray(np.minimum(first * q ** np.arange(count), largest))
 
 
 def suction_mesh(
@@ -163,17 +167,7 @@ def grid_mesh(
     nr, nz = len(r_lines) - 1, len(z_lines) - 1
     r_fine = _with_middles(r_lines)
     z_fine = _with_middles(z_lines)
-    # Number the nodes of the refined grid column by column; 8-node elements skip the centres.
-    number = np.full((2 * nr + 1, 2 * nz + 1), -1, dtype=np.intp)
-    used = np.ones_like(number, dtype=bool)
-    if nodes_per_element == 8:
-        used[1::2, 1::2] = False
-    number[used] = np.arange(int(used.sum()))
-    i = np.repeat(2 * np.arange(nr), nz)
-    j = np.tile(2 * np.arange(nz), nr)
-    offsets = [(0, 0), (2, 0), (2, 2), (0, 2), (1, 0), (2, 1), (1, 2), (0, 1), (1, 1)]
-    elements = np.column_stack([number[i + a, j + b] for a, b in offsets[:nodes_per_element]])
-    grid_i, grid_j = np.nonzero(used)
+    number, elements, grid_i, grid_j = _numbered(nr, nz, nodes_per_element)
     top = number[:, -1]
     tolerance = 1e-9 * max(radius_mm, 1.0)
     edges = np.column_stack([top[0:-2:2], top[2::2], top[1::2]])
@@ -191,6 +185,25 @@ def grid_mesh(
         layer=np.tile(rows, nr),
         loaded_to_mm=radius_mm,
     )
+
+
+@lru_cache(maxsize=16)
+def _numbered(nr: int, nz: int, nodes_per_element: int) -> tuple[Index, Index, Index, Index]:
+    """Return the number of each node of the refined grid, the elements, and each node's place.
+
+    Column by column; 8-node elements skip the centres, which are −1.
+    """
+    number = np.full((2 * nr + 1, 2 * nz + 1), -1, dtype=np.intp)
+    used = np.ones_like(number, dtype=bool)
+    if nodes_per_element == 8:
+        used[1::2, 1::2] = False
+    number[used] = np.arange(int(used.sum()))
+    i = np.repeat(2 * np.arange(nr), nz)
+    j = np.tile(2 * np.arange(nz), nr)
+    offsets = [(0, 0), (2, 0), (2, 2), (0, 2), (1, 0), (2, 1), (1, 2), (0, 1), (1, 1)]
+    elements = np.column_stack([number[i + a, j + b] for a, b in offsets[:nodes_per_element]])
+    grid_i, grid_j = np.nonzero(used)
+    return number, elements, grid_i, grid_j
 
 
 def _to_quarter_points(mesh: Mesh, rim: int) -> None:

@@ -8,6 +8,7 @@ the interpolation's: for equal steps the remainders h²(2h)² f⁗/4! and (h/2)�
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from copy import copy
 from dataclasses import dataclass, field, fields
@@ -100,7 +101,7 @@ def solve_point(
             return None, iteration
         step = solve_linear(factor, state, pressure_mpa, -state.residual)
         correction = float(np.abs(step).max())
-        if not np.isfinite(correction) or correction > 4.0 * last:
+        if not math.isfinite(correction) or correction > 4.0 * last:
             return None, iteration
         u += step
         # Quadratic convergence: the next correction would be about ratio² times this one.
@@ -133,16 +134,16 @@ def solve_linear(factor: Factor, state: State, pressure_mpa: float, right: Array
 
     Where the load ends on a surface that moves, K has a skew part of rank two besides.
     """
-    x = factor.solve(right)
     if state.skew is None:
-        return x
-    e_r, e_z, size = state.skew
+        return factor.solve(right)
+    seen, size = state.skew
     k = pressure_mpa * size
     # K = K_s − k (e_z e_rᵀ − e_r e_zᵀ), by Woodbury: y = (e_r·x, e_z·x) of the solution
-    seen = np.stack([e_r, e_z])
-    by = factor.solve(seen)
-    coupling = k * (seen @ by.T) @ np.array([[0.0, -1.0], [1.0, 0.0]])
-    y = np.linalg.solve(np.eye(2) - coupling, seen @ x.T)
+    found = factor.solve(np.vstack([right, seen]))
+    x, by = found[:-2].reshape(right.shape), found[-2:]
+    (rr, rz), (_, zz) = (k * (seen @ by.T)).tolist()
+    inverse = np.array([[1.0 + rz, -rr], [zz, 1.0 - rz]]) / (1.0 - rz * rz + rr * zz)
+    y = inverse @ (seen @ x.T)
     return np.asarray(x + k * (np.multiply.outer(y[0], by[1]) - np.multiply.outer(y[1], by[0])))
 
 

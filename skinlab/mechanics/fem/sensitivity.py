@@ -96,6 +96,11 @@ def solve_with_slopes(
     in_law = [i for i, pair in enumerate(moved) if all(each.assembly is assembly for each in pair)]
     pairs = [(moved[i][0].parameters(), moved[i][1].parameters()) for i in in_law]
     rises = prepared.body.rises(pairs, at_once=assembly.compiled)
+    in_mesh = {
+        i: [(each.assembly, [[(1.0, each.parameters())]]) for each in pair]
+        for i, pair in enumerate(moved)
+        if i not in in_law
+    }
     by_apex = np.zeros(assembly.n)
     by_apex[apex] = 1.0
     columns: list[Array] = []
@@ -109,16 +114,13 @@ def solve_with_slopes(
             of_law = assembly.virtual_work(point.unknowns, adjoint, 0.0, rises)
             if of_law is not None:
                 rise[in_law] = of_law
-        for i, pair in enumerate(moved):
-            if i not in in_law:
-                ends = [
-                    each.assembly.virtual_work(
-                        point.unknowns, adjoint, pressure_mpa, [[(1.0, each.parameters())]]
-                    )
-                    for each in pair
-                ]
-                if ends[0] is not None and ends[1] is not None:
-                    rise[i] = (ends[0] - ends[1])[0]
+        for i, pair in in_mesh.items():
+            up, down = (
+                other.virtual_work(point.unknowns, adjoint, pressure_mpa, energy)
+                for other, energy in pair
+            )
+            if up is not None and down is not None:
+                rise[i] = (up - down)[0]
         if len(moved) > len(changes):
             rise = rise[:-1] + np.where(shifts, shifts * rise[-1], 0.0)
         columns.append(-rise / steps)

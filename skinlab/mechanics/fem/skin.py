@@ -190,13 +190,36 @@ class Body:
             values[own], values[~own] = mine, theirs
         return together[0], together[1], together[2]
 
+    def form(self, parameters: Mapping[str, Any]) -> Array | None:
+        """See `HasPotential`; found once where parameters have a place for it, `"form"`."""
+        if "form" in parameters:
+            known: Array | None = parameters["form"]
+            return known
+        each = zip((self.law, *self.terms), parameters["own"], strict=True)
+        skin = [energy.form(own, parameters["isochoric"]) for energy, own in each]
+        if any(part is None for part in skin):
+            return None
+        total = np.asarray(sum(part for part in skin if part is not None))
+        if self.own is None:
+            return total
+        other = LAYERS_LAW.form(parameters["layers"])
+        if other is None:
+            return None
+        whole = np.empty((len(self.own), total.shape[1]))
+        whole[self.own], whole[~self.own] = total, other
+        return whole
+
     def rises(
         self, ends: Sequence[tuple[Mapping[str, Any], Mapping[str, Any]]], *, at_once: bool
     ) -> list[list[tuple[float, Mapping[str, Any]]]]:
         """Return sums of a factor times an energy of parameters: W(up) − W(down) of each pair.
 
-        With `at_once` those of a linear energy are one sum, its parameters arrays (k, 1, 1).
+        With `at_once` those of a linear energy are one sum, its parameters arrays (k, 1, 1), and
+        those with a form one of k forms.
         """
+        forms = [(up["form"], down["form"]) for up, down in ends]
+        if at_once and forms and all(form is not None for pair in forms for form in pair):
+            return [[(1.0, {"form": np.stack([up - down for up, down in forms])})]]
         each = [self._rise(up, down) for up, down in ends]
         factors = {r[0][1]["isochoric"] for r in each}
         linear = all(len(r) == 1 for r in each)
@@ -207,7 +230,7 @@ class Body:
             {name: np.array([one[name] for one in energy])[:, None, None] for name in energy[0]}
             for energy in zip(*rows, strict=True)
         )
-        return [[(1.0, {"own": own, "isochoric": factors.pop(), "layers": {}})]]
+        return [[(1.0, {**ends[0][0], "own": own})]]
 
     def _rise(
         self, up: Mapping[str, Any], down: Mapping[str, Any]
@@ -221,7 +244,7 @@ class Body:
 
         own = tuple(map(less, up["own"], down["own"]))
         layers = less(up["layers"], down["layers"])
-        return [(1.0, {"own": own, "isochoric": up["isochoric"], "layers": layers})]
+        return [(1.0, {**up, "own": own, "layers": layers})]
 
     def isochoric_first(
         self, i1: Array, i2: Array, j: Array, own: Sequence[Mapping[str, float]]
@@ -261,7 +284,8 @@ class Prepared:
 
     def parameters(self, isochoric: float = 1.0) -> dict[str, Any]:
         """Return what the body's energy needs, the skin's isochoric energy times a factor."""
-        return {"own": self._own, "isochoric": float(isochoric), "layers": self._layers}
+        found = {"own": self._own, "isochoric": float(isochoric), "layers": self._layers}
+        return {**found, "form": self.body.form(found)}
 
     def isochoric_first(self, i1: Array, i2: Array, j: Array) -> First:
         """Return first derivatives of the isochoric energy (they are the skin's alone)."""
@@ -337,12 +361,13 @@ def through_thickness(stretch: float, energy: HasPotential, parameters: Mapping[
         return 1.0
 
     plane = stretch**2
+    # A sum of `TERMS` is of our own laws: numbers go through these as arrays do, and faster.
+    number: Any = float if energy.form(parameters) is not None else np.atleast_1d
 
     def stress(through: float) -> float:
         square = through**2
-        i1, i2 = np.array([2 * plane + square]), np.array([plane * (2 * square + plane)])
-        j = np.array([plane * through])
-        by_i1, by_i2, by_j = energy.first_derivatives(i1, i2, j, parameters)
+        i1, i2 = number(2 * plane + square), number(plane * (2 * square + plane))
+        by_i1, by_i2, by_j = energy.first_derivatives(i1, i2, number(plane * through), parameters)
         return float(np.ravel(2 * through * (by_i1 + 2 * plane * by_i2) + plane * by_j)[0])
 
     try:

@@ -20,6 +20,11 @@ Array = NDArray[np.float64]
 KAPPA = "kappa_MPa"  # multiplies ½ (J − 1)², all that depends on J alone
 
 
+# Energies of which the finite elements' compiled loops know the derivatives. J1 = J^(−2/3) I1 and
+# J2 = J^(−4/3) I2.
+TERMS = ("J1 − 3", "J2 − 3", "(J1 − 3)(J2 − 3)", "(J1 − 3)³", "½ (J − 1)²")  # the last: κ
+
+
 @dataclass(frozen=True, slots=True)
 class Potential:
     """Strain energy per reference volume and its derivatives by (I1, I2, J), in MPa.
@@ -93,6 +98,10 @@ class HasPotential(Protocol):
         """Return ∂W/∂I1, ∂W/∂I2 and ∂W/∂J: all that forces need."""
         ...
 
+    def form(self, parameters: Any) -> Array | None:
+        """Return what multiplies TERMS (elements or 1, terms); None where W is no such sum."""
+        ...
+
 
 class Energy(ABC):
     """An isotropic hyperelastic energy W = W_iso + κ/2 (J − 1)²; subclasses give W_iso.
@@ -103,8 +112,16 @@ class Energy(ABC):
     name: ClassVar[str]
     source: ClassVar[str]
     linear: ClassVar[bool] = False  # W is a sum of parameters times functions of the invariants
+    # Where W_iso is a sum of TERMS: the parameters by what they multiply
+    multiplies: ClassVar[Mapping[str, str]] = {}
     parameter_names: tuple[str, ...]
     plugin: str | None = None  # how a sentence names an installed one, whose answers are checked
+
+    def __init_subclass__(cls, **more: Any) -> None:
+        """Who gives another W_iso says anew whether it is a sum."""
+        super().__init_subclass__(**more)
+        if "isochoric" in vars(cls) and "multiplies" not in vars(cls):
+            cls.multiplies = {}
 
     @abstractmethod
     def isochoric(self, i1: Array, i2: Array, j: Array, parameters: Mapping[str, Any]) -> Potential:
@@ -206,3 +223,14 @@ class Energy(ABC):
             iso.energy + 0.5 * kappa * change**2, iso.d_i1, iso.d_i2, iso.d_j + kappa * change,
             iso.d_i1_i1, iso.d_i1_i2, iso.d_i2_i2, iso.d_i1_j, iso.d_i2_j, iso.d_j_j + kappa,
         )  # fmt: skip
+
+    def form(self, parameters: Mapping[str, Any], isochoric: float = 1.0) -> Array | None:
+        """See `HasPotential`; W_iso times a factor. What is installed is asked, and checked."""
+        if not self.multiplies or self.plugin is not None:
+            return None
+        parts = [(TERMS.index(t), isochoric * parameters[n]) for n, t in self.multiplies.items()]
+        parts.append((len(TERMS) - 1, parameters.get(KAPPA, 0.0)))
+        found = np.zeros((max(np.size(value) for _, value in parts), len(TERMS)))
+        for term, value in parts:
+            found[:, term] = np.ravel(value)
+        return found

@@ -9,6 +9,7 @@ Source: "A new stochastic inverse identification of the mechanical properties of
 from __future__ import annotations
 
 from collections.abc import Mapping
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -27,6 +28,7 @@ class ExtendedNeoHookean(Law):
     meaning = "X1, X2: stiffness at small and at large stretch"
     source = "eq. (1)"
     linear = True
+    multiplies = MappingProxyType({X1: "J1 − 3", X2: "(J1 − 3)(J2 − 3)"})
     poisson = NU
     dilatation_scale = "kappa_over_X1"  # X1 is half the shear modulus
     parameters = (

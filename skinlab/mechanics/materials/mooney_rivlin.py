@@ -9,6 +9,7 @@ Source: R. S. Rivlin, Phil. Trans. R. Soc. A 241 (1948) 379; with the volumetric
 from __future__ import annotations
 
 from collections.abc import Mapping
+from types import MappingProxyType
 from typing import Any
 
 from skinlab.mechanics.materials.base import Array, Law, Potential
@@ -23,6 +24,7 @@ class MooneyRivlin(Law):
     meaning = "C10 + C01: half the shear modulus"
     source = "Rivlin 1948"
     linear = True
+    multiplies = MappingProxyType({"C10_MPa": "J1 − 3", "C01_MPa": "J2 − 3"})
     poisson = "nu"
     parameters = (
         Parameter(

@@ -343,7 +343,7 @@ def test_relaxed_tension_keeps_what_does_not_relax():
     slow = solve_skin(problem, path, COARSE).at(np.array([0.0, 1e4]), np.array([0.0, 40.0]))
     prepared = prepare(problem, COARSE)
     rest = prepared.assembly.evaluate(np.zeros(prepared.assembly.n), 0.0, prepared.parameters(0.6))
-    assert np.abs(rest.residual).max() < 1e-14
+    assert np.abs(rest.residual).max() < 1e-13  # the stretch is found to 1e-14
     assert slow[0] == pytest.approx(0.0, abs=1e-9)
     relaxed = follow(
         prepared.assembly, 40 * MBAR, prepared.parameters(0.6), 3.0, watch=prepared.apex

@@ -7,12 +7,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from skinlab.mechanics.effects import get_effect
+from skinlab.mechanics.effects.model import problem_of
 from skinlab.mechanics.fem import kernel
 from skinlab.mechanics.fem.assembly import Assembly
 from skinlab.mechanics.fem.element import QUAD8_FULL, QUAD8_REDUCED, QUAD9_FULL
 from skinlab.mechanics.fem.mesh import Grading, suction_mesh
+from skinlab.mechanics.fem.skin import Skin, prepare
 from skinlab.mechanics.fem.suction import MESH_OF_RECORD, SCREENING_MESH, Geometry, trace
 from skinlab.mechanics.materials import get_law
+from skinlab.mechanics.materials.extended_neo_hookean import ExtendedNeoHookean
 
 ROOT = Path(__file__).resolve().parents[4]
 SKIN = {"X1_MPa": 0.03, "X2_MPa": 1.0, "kappa_MPa": 0.18}
@@ -60,6 +64,33 @@ def test_the_compiled_loops_compute_what_numpy_does(element, law):
     factor = 1 + rng.random(m)
     before, after = (x.prestrained(stretches, factor) for x in (compiled, plain))
     assert_same(*(x.evaluate(u, 0.01, parameters) for x in (before, after)))
+
+
+@needs_kernel
+@pytest.mark.parametrize("effects", [(), ("strain_stiffening", "hypodermis", "surface_layer")])
+@pytest.mark.parametrize("law", ["extended_neo_hookean", "mooney_rivlin"])
+def test_what_is_a_sum_of_terms_is_what_the_law_says(law, effects):
+    effects = {name: get_effect(name).typical for name in effects}
+    problem = problem_of(Skin((0.03, 1.0, 0.32), law=law), effects, Geometry(6.0, 1.0), cycle=1)
+    prepared = prepare(problem, SCREENING_MESH)
+    assembly, known = prepared.assembly, prepared.parameters(0.7)
+    asked = {**known, "form": None}
+    assert known["form"] is not None
+    rng = np.random.default_rng(7)
+    small = 0.02 * np.diff(np.unique(assembly.mesh.nodes[:, 1])).min()
+    u, v = small * rng.normal(size=(2, assembly.n))
+    assert_same(*(assembly.evaluate(u, 0.01, parameters) for parameters in (known, asked)))
+    one, other = (assembly.virtual_work(u, v, 0.01, [[(2.0, x)]]) for x in (known, asked))
+    np.testing.assert_allclose(one, other, rtol=1e-11)
+
+
+def test_who_gives_another_energy_is_asked_for_it():
+    class Other(ExtendedNeoHookean):
+        def isochoric(self, i1, i2, j, parameters):
+            return super().isochoric(i1, i2, j, parameters).scaled(2.0)
+
+    assert get_law().form(SKIN) is not None
+    assert Other().form(SKIN) is None
 
 
 @needs_kernel

@@ -98,7 +98,7 @@ def test_a_curve_goes_on_from_the_end_of_a_shorter_one():
     assert (further.holds_to_mbar, further.stopped) == (150.0, "")
     p = np.linspace(0.0, 150.0, 151)
     np.testing.assert_allclose(further(p), whole(p), atol=1e-4)
-    assert (further(p[:101]) == short(p[:101])).all()
+    assert (further(p[:100]) == short(p[:100])).all()  # where they part, to round-off
     assert further.iterations < 1.5 * spent
     assert (len(short.path.pressure_mpa), short.iterations) == (points, spent)
 

@@ -26,6 +26,7 @@ EFFECTS = {  # parameter, value, half a difference
     "thickness_error": ("ratio", 1.1, 1e-4),
     "surface_layer": ("thickness_um", 20.0, 0.001),
     "strain_stiffening": ("X3_MPa", 100.0, 0.1),
+    "learned_law": ("c3", 0.3, 1e-3),
 }
 
 
@@ -94,14 +95,18 @@ def test_without_the_compiled_loops(monkeypatch):
     )
 
 
-def test_several_slopes_in_one_go_are_those_of_each():
+@pytest.mark.parametrize("effect", ["strain_stiffening", "hypodermis", "learned_law"])
+def test_several_slopes_in_one_go_are_those_of_each(effect):
+    """Where the compiled loops know the energy, and where they do not."""
+    effects = {effect: get_effect(effect).typical}
     changes = []
     for j, x in enumerate(SKIN):
-        ends = [of_skin([*SKIN[:j], x * (1 + s), *SKIN[j + 1 :]]) for s in (1e-4, -1e-4)]
+        ends = [of_skin([*SKIN[:j], x * (1 + s), *SKIN[j + 1 :]], effects) for s in (1e-4, -1e-4)]
         changes.append((*ends, 2e-4 * x))
-    _, together = solve_with_slopes(of_skin(SKIN), changes, TOP, SCREENING_MESH)
+    here = of_skin(SKIN, effects)
+    _, together = solve_with_slopes(here, changes, TOP, SCREENING_MESH)
     for k, change in enumerate(changes):
-        _, alone = solve_with_slopes(of_skin(SKIN), [change], TOP, SCREENING_MESH)
+        _, alone = solve_with_slopes(here, [change], TOP, SCREENING_MESH)
         np.testing.assert_allclose(together.by_parameter[k], alone.by_parameter[0], rtol=1e-9)
 
 
