@@ -147,7 +147,8 @@ class Covariance:
         flat = self.whiten_without_columns(curves_mm).reshape(self.count, -1)
         a, square = self._axes
         root = np.sqrt(1.0 + square)
-        flat = flat - a @ ((a.T @ flat) / (root * (1.0 + root))[:, None])  # (1/root − 1)/square
+        # (1/root − 1)/square. Of few curves flat.T @ a takes half as long as a.T @ flat.
+        flat = flat - a @ ((flat.T @ a) / (root * (1.0 + root))).T
         return np.asarray(flat.reshape(curves_mm.shape))
 
     __call__ = whiten
