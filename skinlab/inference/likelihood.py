@@ -49,9 +49,9 @@ class LinearModel:
             gram, log_base = integrated_gram_matrices(covariances, values)
             # With the residual in the last row the factor's tells χ², without solving for it. One
             # more, since χ² may be none: of a curve that the model meets exactly.
-            bordered = self._bordered(gram)
-            bordered[:, -1, -1] += 1.0
-            root = np.linalg.cholesky(bordered)
+            self._information(gram)
+            gram[:, 0, 0] += 1.0
+            root = np.linalg.cholesky(gram[:, ::-1, ::-1])
         except np.linalg.LinAlgError:
             if len(covariances) == 1:
                 return np.array([-np.inf])
@@ -63,17 +63,16 @@ class LinearModel:
         return np.asarray(-0.5 * (u * _LOG_2PI + log_base + log_det - self._log_prior + chi2))
 
     def _information(self, gram: Array) -> Array:
-        """Return that of the effects (…, k + m, k + m), from the Gram matrices of all."""
-        return self._bordered(gram)[..., :-1, :-1]
+        """Return that of the effects (…, k + m, k + m), in place of their Gram matrices.
 
-    def _bordered(self, gram: Array) -> Array:
-        """Return the same with the residual's products in the last row and column."""
+        They stand behind the residual's row and column, which stay.
+        """
         k = self.slopes_mm.shape[1]
-        whole = np.roll(gram, (-1, -1), axis=(-2, -1))
-        whole[..., :k, :k] += self.precision
-        rest = np.arange(k, whole.shape[-1] - 1)
-        whole[..., rest, rest] += 1.0
-        return whole
+        found = gram[..., 1:, 1:]
+        found[..., :k, :k] += self.precision
+        rest = np.arange(k, found.shape[-1])
+        found[..., rest, rest] += 1.0
+        return found
 
     def shares(self, covariance: Covariance, pull: Array | float = 0.0) -> Array:
         """Return what each of the covariance's columns probably did (u, m), mm.

@@ -43,17 +43,8 @@ class Sines:
     """
 
     def __init__(self, look: Look, grids_hz: Sequence[Array]) -> None:
-        known = look.covariance
-        every = np.column_stack([look.residual_mm, look.slopes])
-        if known is not None:
-            every = known.whiten_without_columns(np.column_stack([every, known.columns_mm]))
-        self._samples, self._known = look.samples, known
-        self._basis = _span(every[:, 1:])
-        self._left = every[:, 0] - self._basis @ (self._basis.T @ every[:, 0])
-        self._variance = 1.0
-        if known is None:
-            freedom = max(len(self._left) - self._basis.shape[1], 1)
-            self._variance = max(float(self._left @ self._left) / freedom, 1e-300)
+        self._samples, self._known = look.samples, look.covariance
+        self._basis, self._left, self._variance = _white(look)
         self._place(grids_hz)
 
     def at(self, grids_hz: Sequence[Array]) -> Sines:
@@ -64,7 +55,9 @@ class Sines:
 
     def _place(self, grids_hz: Sequence[Array]) -> None:
         known = self._known
-        self._here, self._waves = [], []  # of each curve its samples, and (n, f, 2)
+        # Of each curve the products of its waves (f, 2, 2), with the basis (r, f, 2), with what is
+        # left (f, 2), and the first less what the basis takes: samples are not looked at again.
+        self._products: list[tuple[Array, Array, Array, Array]] = []
         for grid, (begin, end) in zip(grids_hz, pairwise((0, *self._samples.ends)), strict=True):
             here = slice(begin, end)
             waves = _waves(self._samples.time_s[here], grid)
@@ -72,10 +65,11 @@ class Sines:
                 own = np.zeros(known.count, dtype=bool)
                 own[here] = True
                 waves = known.only(own).whiten_without_columns(waves)
-            self._here.append(here)
-            self._waves.append(waves)
+            whole, taken = _squares(waves), np.tensordot(self._basis[here].T, waves, 1)
+            product = np.tensordot(self._left[here], waves, 1)
+            self._products.append((whole, taken, product, whole - _squares(taken)))
         # What each curve's sines gain (f,), and the squares of their amplitudes (f,).
-        self._alone = [self._of_one(curve) for curve in range(len(self._waves))]
+        self._alone = [self._of_one(curve) for curve in range(len(self._products))]
 
     def gain(self, curve: int) -> Array:
         """Return what a sine gains in log likelihood: of a curve's frequencies (f,)."""
@@ -83,20 +77,13 @@ class Sines:
 
     def _of_one(self, curve: int) -> tuple[Array, Array]:
         """Return the gains (f,) and the squares of the amplitudes (f,)."""
-        whole, square, product = self._normal(curve, self._basis, self._left)
+        whole, _, product, square = self._products[curve]
         # A wave that the unknowns absorb all of tells nothing.
-        square += _ABSORBED * np.trace(whole, axis1=1, axis2=2)[:, None, None] * np.eye(2)
+        least = _ABSORBED * np.trace(whole, axis1=1, axis2=2)
+        square = square + least[:, None, None] * np.eye(2)
         amplitude = self._solved(square, product)
         gain = 0.5 * (product * amplitude).sum(axis=1) / self._variance
         return gain, np.square(amplitude).sum(axis=1)
-
-    def _normal(self, curve: int, basis: Array, left: Array) -> tuple[Array, Array, Array]:
-        """Return products (f, 2, 2) of the waves, less those in `basis`, and with `left` (f, 2)."""
-        here, waves = self._here[curve], self._waves[curve]
-        taken = np.tensordot(basis[here].T, waves, 1)
-        whole = np.einsum("nfi,nfj->fij", waves, waves)
-        square = whole - np.einsum("kfi,kfj->fij", taken, taken)
-        return whole, square, np.tensordot(left[here], waves, 1)
 
     @staticmethod
     def _solved(square: Array, product: Array) -> Array:
@@ -137,19 +124,41 @@ class Sines:
 
         Their amplitudes have this variance, mm², and so has its own (Woodbury).
         """
-        others = np.zeros((len(self._left), 2 * len(known)))
-        for k, (i, best) in enumerate(known):
-            others[self._here[i], 2 * k : 2 * k + 2] = self._waves[i][:, best]
-        others -= self._basis @ (self._basis.T @ others)
-        inner = np.eye(others.shape[1]) * (self._variance / square_mm2) + others.T @ others
-        rooted = np.linalg.solve(np.linalg.cholesky(inner), others.T).T
-        left = self._left - rooted @ (rooted.T @ self._left)
-        _, square, product = self._normal(curve, np.hstack([self._basis, rooted]), left)
-        square = square + np.eye(2) * (self._variance / square_mm2)
+        ratio = self._variance / square_mm2
+        each = [(at, *self._products[i][:3]) for i, at in known]
+        taken = np.hstack([self._basis[:0].T, *(v[:, at] for at, _, v, _ in each)])
+        inner = block_diagonal([v[at] for at, v, _, _ in each]) - taken.T @ taken
+        root = np.linalg.cholesky(inner + np.eye(len(inner)) * ratio)
+        left = np.linalg.solve(root, np.concatenate([[], *(v[at] for at, _, _, v in each)]))
+        # Waves of two curves have nothing in common but what is taken off both.
+        _, own, product, square = self._products[curve]
+        cross = np.tensordot(np.linalg.solve(root, taken.T), own, 1)
+        square = square - _squares(cross) + np.eye(2) * ratio
+        product = product + np.tensordot(left, cross, 1)
         gain = 0.5 * (product * self._solved(square, product)).sum(axis=1) / self._variance
         least = 0.5 * np.linalg.slogdet(square * (square_mm2 / self._variance))[1]
         at = int((gain - least).argmax())
         return at, float(gain[at])
+
+
+@lru_cache(maxsize=1)  # breathing and pulse are looked for below the same errors
+def _white(look: Look) -> tuple[Array, Array, float]:
+    """Return the span (u, r) of what may be something else, what is left (u,) and its variance."""
+    known = look.covariance
+    every = np.column_stack([look.residual_mm, look.slopes])
+    if known is not None:
+        every = known.whiten_without_columns(np.column_stack([every, known.columns_mm]))
+    basis = _span(every[:, 1:])
+    left = every[:, 0] - basis @ (basis.T @ every[:, 0])
+    if known is not None:
+        return basis, left, 1.0
+    freedom = max(len(left) - basis.shape[1], 1)
+    return basis, left, max(float(left @ left) / freedom, 1e-300)
+
+
+def _squares(values: Array) -> Array:
+    """Return sums of products (f, 2, 2) of values (n, f, 2)."""
+    return np.asarray(np.einsum("nfi,nfj->fij", values, values))
 
 
 def _span(values: Array) -> Array:

@@ -8,6 +8,7 @@
  */
 #include <math.h>
 #include <stdint.h>
+#include <stdlib.h>
 #include <string.h>
 
 #if defined(__x86_64__) && defined(__gnu_linux__) && defined(__GNUC__) && !defined(__clang__)
@@ -829,115 +830,187 @@ FAST void skinlab_bidiagonal(int64_t n, int64_t many, const double *below, int64
             for (int64_t k = 0; k < many; k++) right[i * many + k] -= below[i - 1] * right[(i - 1) * many + k];
 }
 
-#define MOST_COLUMNS 160
-#define SAMPLES 16 /* that are taken together */
+#define ROWS 32 /* samples that are taken together */
 
-/* (W x)' (W x) of x = [values, columns] for `many` covariances of the same n samples, and the log
- * determinants: W'W is the inverse of D + B, with D `variance` (many, n) and B an Ornstein-Uhlenbeck process
- * of variance `square` (many), none where that is null; `decay` (many, n) is its correlation with the sample
- * before, 0 where a curve begins. `values` (n, m1), `columns` (n, m2), those of the next covariance `stride`
- * further. Returns 0, where one is not positive definite, from 1, or -1 where there is no room. */
-FAST int64_t skinlab_gram(int64_t many, int64_t n, int64_t m1, int64_t m2, const double *values,
-                          const double *columns, int64_t stride, const double *variance, const double *square,
-                          const double *decay, double *gram, double *log_determinant) {
-    const int64_t m = m1 + m2, blocks = (m + 3) / 4;
-    if (m > MOST_COLUMNS) return -1;
-    for (int64_t i = 0; i < many; i++) {
-        /* The first row of both is the sample before. */
-        double row[SAMPLES + 1][MOST_COLUMNS], white[SAMPLES + 1][MOST_COLUMNS], inverse[SAMPLES + 1] = {0};
-        double sum[MOST_COLUMNS][MOST_COLUMNS], before_variance = 0.0, total = 0.0, product = 1.0;
-        const double *var = variance + i * n;
-        memset(row, 0, sizeof row);
-        memset(white, 0, sizeof white);
-        memset(sum, 0, 4 * blocks * sizeof sum[0]);
-        for (int64_t first = 0; first < n; first += SAMPLES) {
-            const int64_t count = n - first < SAMPLES ? n - first : SAMPLES;
-            for (int64_t k = 1; k <= count; k++) {
-                const int64_t t = first + k - 1;
-                double pivot = var[t];
-                memcpy(row[k], values + t * m1, m1 * sizeof **row);
-                memcpy(row[k] + m1, columns + i * stride + t * m2, m2 * sizeof **row);
-                if (square) {
-                    const double phi = decay[i * n + t], beside = -phi * before_variance;
-                    const double below = beside * inverse[k - 1];
-                    pivot += square[i] * (1.0 - phi * phi) + phi * phi * before_variance - below * beside;
-                    for (int64_t b = 0; b < 4 * blocks; b += 4)
-                        *(Four *)(white[k] + b) =
-                            load4(row[k] + b) - phi * load4(row[k - 1] + b) - below * load4(white[k - 1] + b);
-                    before_variance = var[t];
-                } else {
-                    memcpy(white[k], row[k], 4 * blocks * sizeof **row);
-                }
-                if (!(pivot > 0.0)) return i + 1;
-                inverse[k] = 1.0 / pivot;
-                /* Four of mm² at a time stay within a double's range; a logarithm is slow. */
-                product *= pivot;
-                if (t % 4 == 3 || t == n - 1) {
-                    total += log(product);
-                    product = 1.0;
-                }
-            }
-            for (int64_t a = 0; a < 4 * blocks; a += 4)
-                for (int64_t b = 0; b <= a; b += 4) {
-                    Four s0 = load4(sum[a] + b), s1 = load4(sum[a + 1] + b);
-                    Four s2 = load4(sum[a + 2] + b), s3 = load4(sum[a + 3] + b);
-                    for (int64_t k = 1; k <= count; k++) {
-                        const double *x = white[k] + a;
-                        const Four y = inverse[k] * load4(white[k] + b);
-                        s0 += x[0] * y, s1 += x[1] * y, s2 += x[2] * y, s3 += x[3] * y;
-                    }
-                    *(Four *)(sum[a] + b) = s0, *(Four *)(sum[a + 1] + b) = s1;
-                    *(Four *)(sum[a + 2] + b) = s2, *(Four *)(sum[a + 3] + b) = s3;
-                }
-            memcpy(row[0], row[count], sizeof row[0]);
-            memcpy(white[0], white[count], sizeof white[0]);
-            inverse[0] = inverse[count];
+/* A curve, and those of all columns that are not zero in it: most are zeros or polynomials of other curves. */
+typedef struct {
+    int64_t begin, samples, columns, alone, width;
+    double *x;      /* (samples + 1, width), with what is before the first sample */
+    int64_t *own;   /* (columns) which they are: those alone, that are to be integrated out, come first */
+    int64_t *place; /* (columns) and where they are in the sums */
+} Curve;
+
+/* For one curve at a time. */
+typedef struct {
+    double *white, *gram, *taken, *inverse, *last, *row, *size;
+    uint64_t *bits;
+} Room;
+
+INLINE int64_t padded(int64_t m) { return (m + TILE - 1) / TILE * TILE; }
+
+/* Finds a curve's columns in `values` (samples, m1) and `shapes` (samples, m2); `place` as in skinlab_grams. */
+INLINE void gather(Curve *c, uint64_t *bits, int64_t m1, int64_t m2, const double *values, const double *shapes,
+                   const int64_t *place) {
+    memset(bits, 0, (m1 + m2) * sizeof *bits);
+    for (int64_t t = 0; t < c->samples; t++) {
+        const uint64_t *x = (const uint64_t *)(values + t * m1), *v = (const uint64_t *)(shapes + t * m2);
+        for (int64_t i = 0; i < m1; i++) bits[i] |= x[i] << 1; /* without its sign */
+        for (int64_t i = 0; i < m2; i++) bits[m1 + i] |= v[i] << 1;
+    }
+    c->columns = 0;
+    for (int64_t kept = 0; kept < 2; kept++) {
+        c->alone = c->columns;
+        for (int64_t i = 0; i < m1 + m2; i++)
+            if (bits[i] && (place[i] >= 0) == kept) c->place[c->columns] = place[i], c->own[c->columns++] = i;
+    }
+    c->width = padded(c->columns);
+    memset(c->x, 0, (c->samples + 1) * c->width * sizeof *c->x);
+    for (int64_t t = 0; t < c->samples; t++)
+        for (int64_t j = 0; j < c->columns; j++) {
+            const int64_t i = c->own[j];
+            c->x[(t + 1) * c->width + j] = i < m1 ? values[t * m1 + i] : shapes[t * m2 + i - m1];
         }
-        double *out = gram + i * m * m;
-        for (int64_t a = 0; a < m; a++)
-            for (int64_t b = 0; b <= a; b++) out[a * m + b] = out[b * m + a] = sum[a][b];
-        log_determinant[i] = total;
+}
+
+/* Adds products of four columns, `rows`, with 4 * many others over so many samples. */
+INLINE void add_tile(const int64_t many, int64_t samples, int64_t width, const double *rows, const double *others,
+                     double *to) {
+    Four s[4][3], y[3];
+    for (int64_t i = 0; i < 4; i++)
+        for (int64_t j = 0; j < many; j++) s[i][j] = load4(to + i * width + 4 * j);
+    for (int64_t k = 0; k < samples; k++, rows += width, others += width) {
+        for (int64_t j = 0; j < many; j++) y[j] = load4(others + 4 * j);
+        for (int64_t i = 0; i < 4; i++)
+            for (int64_t j = 0; j < many; j++) s[i][j] += rows[i] * y[j];
+    }
+    for (int64_t i = 0; i < 4; i++)
+        for (int64_t j = 0; j < many; j++) *(Four *)(to + i * width + 4 * j) = s[i][j];
+}
+
+/* (W x)' (W x) of a curve into `gram` (width, width), its lower triangle, and the log determinant: see
+ * skinlab_grams. Returns whether it failed. */
+INLINE int64_t gram_of(const Curve *c, const Room *room, const double *variance, double square, const double *decay,
+                       double *log_determinant) {
+    const int64_t width = c->width;
+    double before = 0.0, inverse = 0.0, product = 1.0, total = 0.0, *last = room->last, *gram = room->gram;
+    memset(gram, 0, width * width * sizeof *gram);
+    memset(last, 0, width * sizeof *last);
+    for (int64_t first = 0; first < c->samples; first += ROWS) {
+        const int64_t count = c->samples - first < ROWS ? c->samples - first : ROWS;
+        const double *x = c->x + first * width;
+        double phi[ROWS] = {0}, below[ROWS] = {0}, root[ROWS];
+        for (int64_t k = 0; k < count; k++) {
+            const int64_t t = first + k;
+            double pivot = variance[t];
+            if (decay) {
+                const double beside = -decay[t] * before;
+                phi[k] = decay[t], below[k] = beside * inverse;
+                pivot += square * (1.0 - phi[k] * phi[k]) + phi[k] * phi[k] * before - below[k] * beside;
+                before = variance[t];
+            }
+            if (!(pivot > 0.0)) return 1;
+            root[k] = inverse = 1.0 / pivot;
+            /* Four of mm² at a time stay within a double's range; a logarithm is slow. */
+            product *= pivot;
+            if (t % 4 == 3) {
+                total += log(product);
+                product = 1.0;
+            }
+        }
+        for (int64_t k = 0; k < count; k++) root[k] = sqrt(root[k]);
+        for (int64_t b = 0; b < width; b += TILE) {
+            Four x0 = load4(x + b), x1 = load4(x + b + 4), w0 = load4(last + b), w1 = load4(last + b + 4);
+            for (int64_t k = 0; k < count; k++) {
+                const double *here = x + (k + 1) * width + b;
+                double *white = room->white + k * width + b;
+                w0 = load4(here) - phi[k] * x0 - below[k] * w0, x0 = load4(here);
+                w1 = load4(here + 4) - phi[k] * x1 - below[k] * w1, x1 = load4(here + 4);
+                *(Four *)white = root[k] * w0, *(Four *)(white + 4) = root[k] * w1;
+            }
+            *(Four *)(last + b) = w0, *(Four *)(last + b + 4) = w1;
+        }
+        for (int64_t a = 0; a < c->columns; a += 4) {
+            const double *rows = room->white + a;
+            double *to = gram + a * width;
+            int64_t b = 0;
+            for (; b + 12 <= a + 4; b += 12) add_tile(3, count, width, rows, room->white + b, to + b);
+            if (b + 8 == a + 4) add_tile(2, count, width, rows, room->white + b, to + b);
+            if (b == a) add_tile(1, count, width, rows, room->white + b, to + b);
+        }
+    }
+    *log_determinant = total + log(product);
+    return 0;
+}
+
+/* Adds what `gram_of` found, its columns times `sizes` (m2) if any, to one matrix's lower triangle. Returns
+ * whether it failed. */
+INLINE int64_t add_integrated(const Curve *c, const Room *room, int64_t m1, const double *sizes, int64_t width,
+                              double *whole, double *log_determinant) {
+    double *size = room->size, *row = room->row;
+    for (int64_t r = 0; r < c->columns; r++) size[r] = sizes && c->own[r] >= m1 ? sizes[c->own[r] - m1] : 1.0;
+    for (int64_t r = 0; r < c->columns; r++) {
+        for (int64_t s = 0; s <= r; s++) row[s] = room->gram[r * c->width + s] * size[r] * size[s];
+        for (int64_t k = 0; k < r && k < c->alone; k++) {
+            double *taken = room->taken + k * c->width;
+            const double factor = row[k] * room->inverse[k];
+            taken[r] = row[k];
+            for (int64_t s = k + 1; s <= r; s++) row[s] -= factor * taken[s];
+        }
+        if (r < c->alone) {
+            const double pivot = row[r] + 1.0;
+            if (!(pivot > 0.0)) return 1;
+            room->inverse[r] = 1.0 / pivot;
+            *log_determinant += log(pivot);
+        } else {
+            double *to = whole + c->place[r] * width;
+            for (int64_t s = c->alone; s <= r; s++) to[c->place[s]] += row[s];
+        }
     }
     return 0;
 }
 
-/* Adds to `whole` (many, width, width) and `log_determinant` (many) what Gram matrices `gram` (…, m, m) say
- * once those `alone` of their columns, which are independent and of variance 1, are integrated out. `which`
- * (many) of the matrices each takes, times `scale` (many, m) if there is any; `order` (m) are those alone
- * first, and `place` (m - alone) where the others are in `whole`. Returns as skinlab_gram. */
-FAST int64_t skinlab_add_integrated(int64_t many, int64_t m, int64_t alone, int64_t width, const double *gram,
-                                    const int64_t *which, const double *scale, const int64_t *order,
-                                    const int64_t *place, double *whole, double *log_determinant) {
-    if (m > MOST_COLUMNS) return -1;
-    for (int64_t i = 0; i < many; i++) {
-        double a[MOST_COLUMNS][MOST_COLUMNS], total = 0.0;
-        const double *from = gram + which[i] * m * m, *s = scale ? scale + i * m : NULL;
-        double *to = whole + i * width * width;
-        for (int64_t r = 0; r < m; r++) {
-            const double *row = from + order[r] * m;
-            for (int64_t c = r; c < m; c++) a[r][c] = row[order[c]];
-            if (s)
-                for (int64_t c = r; c < m; c++) a[r][c] *= s[order[r]] * s[order[c]];
-        }
-        for (int64_t k = 0; k < alone; k++) {
-            const double pivot = a[k][k] + 1.0;
-            if (!(pivot > 0.0)) return i + 1;
-            total += log(pivot);
-            for (int64_t r = k + 1; r < m; r++) {
-                const double factor = a[k][r] / pivot;
-                for (int64_t c = r; c < m; c++) a[r][c] -= factor * a[k][c];
-            }
-        }
-        for (int64_t r = alone; r < m; r++) {
-            const int64_t at = place[r - alone];
-            to[at * width + at] += a[r][r];
-            for (int64_t c = r + 1; c < m; c++) {
-                const int64_t beside = place[c - alone];
-                to[at * width + beside] += a[r][c];
-                to[beside * width + at] += a[r][c];
-            }
-        }
-        log_determinant[i] += total;
+/* Adds (W x)' (W x) of x = [values, shapes times their sizes] to `whole` (many, width, width) for `many`
+ * covariances of the same samples, curve by curve, and the log determinants: W'W is the inverse of D + B, with
+ * D `variance` (different, n) and B an Ornstein-Uhlenbeck process of variance `square` (different), none where
+ * that is null; `decay` (different, n) is its correlation with the sample before, 0 where a curve begins.
+ * `values` (n, m1), `shapes` (different) of (n, m2); `ends` (curves). `which` of those different each has, and
+ * `sizes` (many, m2) if any. `place` (m1 + m2) is where a column stands in `whole`; one below 0 is of one curve
+ * alone, independent and of variance 1: it is integrated out; the others ascend. Returns 0, 1 where one is not
+ * positive definite, or -1 where there is no room. */
+FAST int64_t skinlab_grams(int64_t many, int64_t different, int64_t curves, const int64_t *ends, int64_t m1,
+                           int64_t m2, const double *values, const double *const *shapes, const double *variance,
+                           const double *square, const double *decay, const int64_t *which, const double *sizes,
+                           const int64_t *place, int64_t width, double *whole, double *log_determinant) {
+    const int64_t m = m1 + m2, wide = padded(m), n = ends[curves - 1];
+    Curve *all = malloc(curves * sizeof *all);
+    double *reals = malloc((n + curves + ROWS + 2 * wide + 4) * wide * sizeof *reals);
+    int64_t *integers = malloc((2 * curves + 1) * m * sizeof *integers), failed = 0;
+    if (!all || !reals || !integers) failed = -1;
+    Room room = {.white = reals + (n + curves) * wide, .bits = (uint64_t *)(integers + 2 * curves * m)};
+    room.gram = room.white + ROWS * wide, room.taken = room.gram + wide * wide;
+    room.inverse = room.taken + wide * wide, room.last = room.inverse + wide;
+    room.row = room.last + wide, room.size = room.row + wide;
+    for (int64_t i = 0, begin = 0; i < curves && !failed; begin = ends[i++]) {
+        all[i] = (Curve){.begin = begin, .samples = ends[i] - begin, .x = reals + (begin + i) * wide};
+        all[i].own = integers + 2 * i * m, all[i].place = all[i].own + m;
     }
-    return 0;
+    for (int64_t d = 0; d < different && !failed; d++)
+        for (Curve *c = all; c < all + curves && !failed; c++) {
+            const int64_t row = d * n + c->begin;
+            double log_base;
+            if (!d || shapes[d] != shapes[d - 1])
+                gather(c, room.bits, m1, m2, values + c->begin * m1, shapes[d] + c->begin * m2, place);
+            failed = gram_of(c, &room, variance + row, square ? square[d] : 0.0, decay ? decay + row : NULL, &log_base);
+            for (int64_t i = 0; i < many && !failed; i++)
+                if (which[i] == d) {
+                    log_determinant[i] += log_base;
+                    failed = add_integrated(c, &room, m1, sizes ? sizes + i * m2 : NULL, width,
+                                            whole + i * width * width, log_determinant + i);
+                }
+        }
+    for (double *one = whole; one < whole + many * width * width; one += width * width)
+        for (int64_t r = 0; r < width; r++)
+            for (int64_t s = 0; s < r; s++) one[s * width + r] = one[r * width + s];
+    free(all), free(reals), free(integers);
+    return failed;
 }

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import ctypes
 import hashlib
+from collections.abc import Sequence
 from copy import copy
 from functools import cache, lru_cache
 from pathlib import Path
@@ -62,11 +63,10 @@ def load(path: Path, source: Path) -> ctypes.CDLL | None:
     found.skinlab_tridiagonal.restype = _INTEGER
     found.skinlab_bidiagonal.argtypes = [_INTEGER, _INTEGER, _POINTER, _INTEGER, _POINTER]
     found.skinlab_bidiagonal.restype = None
-    found.skinlab_gram.argtypes = [
-        *[_INTEGER] * 4, _POINTER, _POINTER, _INTEGER, *[_POINTER] * 5,
+    found.skinlab_grams.argtypes = [
+        *[_INTEGER] * 3, _POINTER, *[_INTEGER] * 2, *[_POINTER] * 8, _INTEGER, *[_POINTER] * 2,
     ]  # fmt: skip
-    found.skinlab_add_integrated.argtypes = [*[_INTEGER] * 4, *[_POINTER] * 7]
-    found.skinlab_gram.restype = found.skinlab_add_integrated.restype = _INTEGER
+    found.skinlab_grams.restype = _INTEGER
     found.skinlab_spline.argtypes = [
         _INTEGER, _INTEGER, *[_POINTER] * 4, _INTEGER, _POINTER, _INTEGER, _POINTER,
     ]  # fmt: skip
@@ -328,63 +328,48 @@ def solve_bidiagonal(below: Array, right: Array, *, transposed: bool) -> Array |
     return x
 
 
-def gram(
-    values: Array, columns: Array, variance: Array, square: Array | None, decay: Array | None
-) -> tuple[Array, Array, int] | None:
-    """Return Gram matrices (n, m, m), log determinants (n,), and where one fails, from 1.
+class Grams(NamedTuple):
+    """Covariances of the same samples and the values to be multiplied by their inverses.
 
-    See `skinlab.inference.covariance.gram_matrices`; None where the library cannot. `values`
-    (u, m1), `columns` (1 or n, u, m2), `variance` and `decay` (n, u), `square` (n,).
+    Of `skinlab.inference.covariance.gram_matrices`.
+    """
+
+    values: Array  # (u, m1)
+    ends: tuple[int, ...]  # of curves
+    shapes: Sequence[Array]  # (d) of (u, m2)
+    variance: Array  # (d, u)
+    square: Array | None  # (d,) variances of processes, if any,
+    decay: Array | None  # (d, u) and φ
+    which: Index  # (n,) of these d each covariance has
+    sizes: Array | None  # (n, m2) of its shapes, if any
+    place: Index  # (m1 + m2,) of each column in the sums, -1: it is integrated out
+
+
+def grams(parts: Grams, whole: Array, log_determinant: Array) -> bool | None:
+    """Add what all curves say to the sums (n, w, w) and (n,), in place.
+
+    Return whether all are positive definite; None where the library cannot.
     """
     found = library()
     if found is None:
         return None
-    parts = [
-        None if part is None else np.ascontiguousarray(part, dtype=np.float64)
-        for part in (values, columns, variance, square, decay)
-    ]
-    n, u = variance.shape
-    m1, m2 = values.shape[1], columns.shape[2]
-    matrices, determinants = np.empty((n, m1 + m2, m1 + m2)), np.empty(n)
-    x, v, *rest = (_address(part) for part in parts)
-    stride = 0 if len(columns) == 1 else u * m2
-    failed = found.skinlab_gram(
-        n, u, m1, m2, x, v, stride, *rest, _address(matrices), _address(determinants)
-    )
-    return None if failed < 0 else (matrices, determinants, int(failed))
-
-
-class CurveGrams(NamedTuple):
-    """Gram matrices of one curve, and where they belong in those of all curves."""
-
-    matrices: Array  # (d, m, m)
-    which: Index  # (n,) of them each covariance has, times its
-    scale: Array | None  # (n, m), if any
-    alone: Index  # columns that are to be integrated out
-    rest: Index  # the others,
-    place: Index  # and where each of these is in the sums
-
-
-def add_integrated(part: CurveGrams, whole: Array, log_determinant: Array) -> int | None:
-    """Add what a curve says to the sums (n, w, w) and (n,), in place.
-
-    Return where a matrix fails, from 1, or 0; None where the library cannot.
-    """
-    found = library()
-    if found is None:
-        return None
-    real = [
+    values, variance, square, decay, sizes, *shapes = (
         None if x is None else np.ascontiguousarray(x, dtype=np.float64)
-        for x in (part.matrices, part.scale)
-    ]
-    order = np.concatenate([part.alone, part.rest])
-    index = [np.ascontiguousarray(x, dtype=np.int64) for x in (part.which, order, part.place)]
-    failed = found.skinlab_add_integrated(
-        len(whole), len(order), len(part.alone), whole.shape[1], _address(real[0]),
-        _address(index[0]), _address(real[1]), _address(index[1]), _address(index[2]),
-        _address(whole), _address(log_determinant),
+        for x in (
+            parts.values, parts.variance, parts.square, parts.decay, parts.sizes, *parts.shapes
+        )
     )  # fmt: skip
-    return None if failed < 0 else int(failed)
+    ends, which, place = (
+        np.array(x, dtype=np.int64) for x in (parts.ends, parts.which, parts.place)
+    )
+    each = (_POINTER * len(shapes))(*map(_address, shapes))
+    failed = found.skinlab_grams(
+        len(whole), len(shapes), len(ends), _address(ends), parts.values.shape[1],
+        parts.shapes[0].shape[1], _address(values), ctypes.addressof(each), _address(variance),
+        _address(square), _address(decay), _address(which), _address(sizes), _address(place),
+        whole.shape[1], _address(whole), _address(log_determinant),
+    )  # fmt: skip
+    return None if failed < 0 else not failed
 
 
 class Strain:

@@ -205,7 +205,8 @@ def test_repeats_tell_whether_placements_differ_at_all(table, scatter, plan, low
     assert low <= found.pure.parameters()["placement_scatter"] <= high
 
 
-def test_evidence_is_that_of_the_dense_gaussian():
+@pytest.mark.parametrize("together", [1, 40], ids=["each alone", "side by side"])
+def test_evidence_is_that_of_the_dense_gaussian(together, monkeypatch):
     rng = np.random.default_rng(1)
     n, k = 30, 2
     time = np.cumsum(rng.uniform(0.02, 0.1, n))
@@ -227,6 +228,7 @@ def test_evidence_is_that_of_the_dense_gaussian():
     found = log_evidences([one.only(some)], [errors.only(some)])
     assert found[0, 0] == pytest.approx(part, rel=1e-9)
     more = rng.normal(size=(n, 2))
+    monkeypatch.setattr("skinlab.discrepancy.campaign_errors._TOGETHER", together)
     for size in (1.0, 0.3):
         wider = multivariate_normal(slopes @ mean, sigma + size**2 * more @ more.T).logpdf(r)
         both = [one, one.beside(more).scaled(size, 2)]

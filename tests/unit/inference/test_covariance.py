@@ -65,7 +65,7 @@ def test_products_are_those_of_whitened_values(covariance):
                 assert log_determinant == pytest.approx(expected, abs=1e-7)
 
 
-def test_more_columns_than_the_library_has_room_for():
+def test_as_many_columns_as_samples_nearly():
     rng = np.random.default_rng(3)
     columns = rng.normal(size=(90, 70))
     one = Covariance(np.full(90, 0.3), columns, (90,), OrnsteinUhlenbeck(1.0, 0.5), np.arange(90.0))
