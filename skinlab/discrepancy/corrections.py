@@ -80,10 +80,9 @@ def going_on(exact_mm: Array, rough_mm: Array) -> Array:
 
 def between(nodes: Array, values: Array, at: Array) -> Array:
     """Return values (n, k) at nodes (k,), at (n, m) or (1, m): linear, constant beyond."""
-    cell = np.clip(np.searchsorted(nodes, at) - 1, 0, len(nodes) - 2)
-    share = np.clip((at - nodes[cell]) / (nodes[cell + 1] - nodes[cell]), 0.0, 1.0)
-    row = np.arange(len(values))[:, None]
-    return np.asarray((1.0 - share) * values[row, cell] + share * values[row, cell + 1])
+    rows = np.broadcast_to(at, (len(values), at.shape[1]))
+    each = zip(rows, values, strict=True)
+    return np.array([np.interp(x, nodes, own) for x, own in each]).reshape(rows.shape)
 
 
 def read_on(nodes: Array, values: Array, held: NDArray[np.bool_]) -> Array:

@@ -403,7 +403,18 @@ class DimensionlessSpec:
 
     def any_geometry(self, table: Table, kappa: KappaConvention) -> AnyGeometry:
         """See `Table.any_geometry`."""
-        return _any_geometry(table, kappa)
+        axes = [TableAxis(Coordinate("log"), self.thickness.coordinates()), *self._axes(kappa)[1:]]
+        return AnyGeometry(
+            axes,
+            _all_coefficients(table),
+            TensorBSpline(
+                [knots_through(axis.nodes, 1) for axis in axes],
+                [1] * len(axes),
+                np.log(np.maximum(table.holds_to, 1e-300))[..., None],
+            ),
+            knots(self.load_coordinates()),
+            self.coordinate,
+        )
 
     def _axes(self, kappa: KappaConvention) -> list[TableAxis]:
         """Return the small grid's axes along the law's parameters."""
@@ -598,24 +609,6 @@ def _load_coefficients(table: Table, first: int) -> Array:
     rows = (inverse(n)[here] @ values.reshape(n, -1)).reshape(-1, *values.shape[1:])
     found[here] = coefficients(rows, values.ndim - 1)
     return found
-
-
-@lru_cache(maxsize=4)
-def _any_geometry(table: Table, kappa: KappaConvention) -> AnyGeometry:
-    spec = table.spec
-    assert isinstance(spec, DimensionlessSpec)
-    axes = [TableAxis(Coordinate("log"), spec.thickness.coordinates()), *spec._axes(kappa)[1:]]
-    return AnyGeometry(
-        axes,
-        _all_coefficients(table),
-        TensorBSpline(
-            [knots_through(axis.nodes, 1) for axis in axes],
-            [1] * len(axes),
-            np.log(np.maximum(table.holds_to, 1e-300))[..., None],
-        ),
-        knots(spec.load_coordinates()),
-        spec.coordinate,
-    )
 
 
 @lru_cache(maxsize=4)

@@ -237,9 +237,14 @@ class Table:
         Raises:
             NotTrustworthyError: it is of one geometry only.
         """
-        if not isinstance(self.spec, OfAnyGeometry):
-            raise NotTrustworthyError(f"a table of kind {self.spec.kind!r} is of one geometry only")
-        return self.spec.any_geometry(self, kappa)
+        return _any_geometry(self, kappa)
+
+
+@lru_cache(maxsize=4)  # a fit asks thousands of times
+def _any_geometry(table: Table, kappa: KappaConvention) -> AnyGeometry:
+    if not isinstance(table.spec, OfAnyGeometry):
+        raise NotTrustworthyError(f"a table of kind {table.spec.kind!r} is of one geometry only")
+    return table.spec.any_geometry(table, kappa)
 
 
 def _bytes(values: Array) -> bytes:

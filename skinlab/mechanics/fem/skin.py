@@ -12,7 +12,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from typing import Any
 
 import numpy as np
@@ -48,7 +48,8 @@ class Skin:
         law = get_law(self.law)
         if len(self.values) != len(law.names):
             raise InputError(f"law {self.law!r} has the parameters {', '.join(law.names)}")
-        law.ordered(self.named)
+        for parameter, value in zip(law.parameters, self.values, strict=True):
+            parameter.check(value)
 
     @property
     def named(self) -> dict[str, float]:
@@ -60,7 +61,7 @@ class Skin:
         """What the law's potential needs."""
         return get_law(self.law).coefficients(self.named, self.kappa)
 
-    @property
+    @cached_property
     def dilatation_ratio(self) -> float:
         """κ/(μ/2)."""
         return get_law(self.law).dilatation_ratio(self.named, self.kappa)

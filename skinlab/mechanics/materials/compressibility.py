@@ -23,7 +23,11 @@ def kappa_ratio(nu: Any, convention: KappaConvention) -> Any:
     Raises:
         InputError: the convention is not known, or a ν lies outside [0, 0.5).
     """
-    if not np.all((np.asarray(nu) >= 0.0) & (np.asarray(nu) < 0.5)):
+    if isinstance(nu, float):  # searches ask for thousands of numbers
+        inside = 0.0 <= nu < 0.5
+    else:
+        inside = bool(((np.asarray(nu) >= 0.0) & (np.asarray(nu) < 0.5)).all())
+    if not inside:
         raise InputError(f"nu must lie in [0, 0.5), got {nu}")
     if convention == "paper":
         return 6.0 * (1.0 - nu) / ((1.0 + nu) * (1.0 - 2.0 * nu)) - 8.0 / 3.0
