@@ -38,6 +38,10 @@ from skinlab.tables.table import Asked, Dataset, Table
 Array = NDArray[np.float64]
 
 _ERRORS, _GOES_ON = "interpolation_error", "goes_on_to"
+_OF_TIME = (
+    "effects of its model depend on time or cycle, so that it holds along one program; one that "
+    "was built without is to be built again"
+)
 _CURVES = (("deflection_mm", "mm"), ("slope_mm_per_mbar", "mm/mbar"))
 
 
@@ -445,6 +449,8 @@ class CustomSpec(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         versions = msgspec.json.decode(str(file.attrs["versions"]), type=dict[str, str])
         abscissa = spec.abscissa
         curves = [file[name][:] for name, _ in _CURVES if name in file]
+        if f"holds_to_{abscissa.unit}" not in file:
+            raise InputError(f"its curves are not along {abscissa.unit}: {_OF_TIME}")
         holds_to = file[f"holds_to_{abscissa.unit}"][:]
         errors = file[_ERRORS][:]
         shapes = [(*spec.shape, len(abscissa.nodes))] * (abscissa.width // len(abscissa.nodes))
@@ -549,6 +555,8 @@ def checked_spec(spec: CustomSpec) -> CustomSpec:
             check(value)
         except InputError as error:
             raise InputError(f"measurement.{key}: {error}") from None
+    if spec.has_history and at.program is None:
+        raise InputError(f"measurement.program is missing: {_OF_TIME}")
     if not 1 <= at.cycle <= 100:
         raise InputError(f"measurement.cycle is {at.cycle}: expected 1 to 100")
     if at.program is not None:
