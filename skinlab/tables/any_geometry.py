@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from skinlab.mechanics.fem import kernel
 from skinlab.tables.axes import TableAxis
-from skinlab.tables.model_errors import interpolation_shapes
+from skinlab.tables.model_errors import SeenErrors
 from skinlab.tables.splines import TensorBSpline, local_basis
 
 Array = NDArray[np.float64]
@@ -27,8 +27,7 @@ class AnyGeometry:
     `axes` are those of log h/R and of the law's parameters but the scale; `log_holds` is the
     logarithm of the load to which they hold, linear between the nodes. `load_knots` are those of
     the cubic spline along `coordinate(q, h/R)`, whose coefficients (n1, …, nd, k) `log_compliance`
-    interpolates. `errors` (c, m) are shares of the deflection by which it was off where it was
-    tried, at the coordinates `errors_at` (m,); none where that was not measured.
+    interpolates. `seen_errors` is by how much it was off along q, by h/R; None: not measured.
     """
 
     axes: Sequence[TableAxis]
@@ -36,8 +35,7 @@ class AnyGeometry:
     log_holds: TensorBSpline
     load_knots: Array
     coordinate: Callable[[Array, Array], Array]
-    errors_at: Array
-    errors: Array
+    seen_errors: Callable[[float], SeenErrors] | None = None
 
     def __call__(self, parameters: Array, thickness: Array, load: Array) -> tuple[Array, Array]:
         """Return w/R (n, m) and the loads (n,) up to which these are answers, 0 outside.
@@ -57,18 +55,6 @@ class AnyGeometry:
         at = self.coordinate(load, thickness[:, None])
         compliance = np.exp(_along(self.load_knots, spline, at))
         return np.where(inside[:, None], load * compliance, np.nan), holds_to
-
-    def error_shapes(self, thickness: float, load: Array) -> Array:
-        """Return shapes (u, m) of the interpolation's error along loads (u,) of one curve.
-
-        Shares of the deflection, each as large as its standard deviation.
-        """
-        if not len(self.errors):
-            return np.zeros((len(load), 0))
-        at = self.coordinate(load, np.array(thickness))
-        seen = np.stack([np.interp(at, self.errors_at, one) for one in self.errors], axis=1)
-        top = max(float(load.max(initial=0.0)), 1e-12)
-        return interpolation_shapes(seen, np.clip(load / top, 0.0, 1.0))
 
 
 def _along(knots: Array, coefficients: Array, at: Array) -> Array:

@@ -49,6 +49,7 @@ from skinlab.tables.axes import Coordinate, TableAxis
 from skinlab.tables.evaluator import Evaluator, tensor_spline
 from skinlab.tables.extrapolate import fill_ratios
 from skinlab.tables.meshes import MESHES
+from skinlab.tables.model_errors import SeenErrors
 from skinlab.tables.settings import CURVE, INTERPOLATION, VERIFY
 from skinlab.tables.splines import (
     TensorBSpline,
@@ -463,14 +464,21 @@ class DimensionlessSpec:
             goes_on_to=self._at(table.extra.get(_GOES_ON, table.holds_to), thicknesses),
         )
 
-    def _relative_errors(self, table: Table, asked: Asked) -> Callable[[float], Array] | None:
-        """Return the shapes (u, m) of the interpolation's error by the scale; None: not known."""
+    def _seen_errors(self, table: Table) -> Callable[[float], SeenErrors] | None:
+        """Return by how much it was off along q, by h/R; None: that was not measured."""
         if _ERRORS not in table.extra:
             return None
-        whole = table.any_geometry(asked.kappa)
-        thickness = asked.geometry.thickness_mm / asked.geometry.radius_mm
+        at, shares = self.check_coordinates(), table.extra[_ERRORS]
+        return lambda thickness: SeenErrors(self.load(at, thickness), shares)
+
+    def _relative_errors(self, table: Table, asked: Asked) -> Callable[[float], Array] | None:
+        """Return the shapes (u, m) of the interpolation's error by the scale; None: not known."""
+        by_thickness = self._seen_errors(table)
+        if by_thickness is None:
+            return None
+        seen = by_thickness(asked.geometry.thickness_mm / asked.geometry.radius_mm)
         load = asked.pressure_mbar * MBAR
-        return lambda scale: whole.error_shapes(thickness, load / scale)
+        return lambda scale: seen.shapes(load / scale)
 
     def any_geometry(self, table: Table, kappa: KappaConvention) -> AnyGeometry:
         """See `Table.any_geometry`."""
@@ -485,8 +493,7 @@ class DimensionlessSpec:
             ),
             knots(self.load_coordinates()),
             self.coordinate,
-            self.check_coordinates(),
-            table.extra.get(_ERRORS, np.zeros((0, self.load_nodes))),
+            self._seen_errors(table),
         )
 
     def _axes(self, kappa: KappaConvention) -> list[TableAxis]:

@@ -7,6 +7,8 @@ Those of the mesh of record are shares of the deflection, measured by
 
 from __future__ import annotations
 
+from dataclasses import dataclass, replace
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -38,6 +40,24 @@ def crease_shapes(share: Array) -> Array:
 def locking(kappa_ratio: Array) -> Array:
     """Return the standard deviation (n,) at κ/(μ/2), as a share of the deflection."""
     return np.asarray(LOCKING * np.sqrt(kappa_ratio))
+
+
+@dataclass(frozen=True, eq=False)
+class SeenErrors:
+    """By how much a table was off where it was tried, along loads or suctions (m,)."""
+
+    at: Array
+    shares: Array  # (c, m) of the deflection
+
+    def scaled(self, factor: float) -> SeenErrors:
+        """Return the same along other units, `factor` times as large."""
+        return replace(self, at=factor * self.at)
+
+    def shapes(self, at: Array) -> Array:
+        """Return shapes (u, m), shares of the deflection, of a curve at these places (u,)."""
+        seen = np.stack([np.interp(at, self.at, one) for one in self.shares], axis=1)
+        top = max(float(at.max(initial=0.0)), 1e-12)
+        return interpolation_shapes(seen, np.clip(at / top, 0.0, 1.0))
 
 
 def interpolation_shapes(errors: Array, along: Array) -> Array:
