@@ -68,6 +68,9 @@ _GOES_ON = "goes_on_to_load"
 _ERRORS = "interpolation_error"
 _BLUNT = BLUNT_MESHES[1]  # does not crease where a soft surface does, and is cheap
 
+NOT_MEASURED = (
+    "how far it is off between the nodes was not measured, and is in no interval: build it again"
+)
 THICKNESS = "thickness_over_radius"
 # κ/(μ/2) for ν of 0 to 0.499 in both conventions. Below 2.66 only `consistent` has skins. Close
 # together where curves bend; towards incompressibility they hardly do.
@@ -599,12 +602,7 @@ class DimensionlessSpec:
                 f"between the nodes off by {np.median(rms):.2g} % of the deflection rms, at worst "
                 f"{rms.max():.2g} % ({len(rms)} points compared with finite elements)"
             )
-        if table.path is None:
-            return ""
-        return (
-            "how far it is off between the nodes was not measured, and is in no interval: build it "
-            "again"
-        )
+        return "" if table.path is None else NOT_MEASURED
 
     # ---- files ----
 

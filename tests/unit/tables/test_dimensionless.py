@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from skinlab.api.identifiers import find_table
 from skinlab.curves.curve import Curve, Setup
 from skinlab.curves.pressure_path import PressurePath
 from skinlab.errors import InputError, NotTrustworthyError
@@ -328,7 +329,9 @@ def not_measured(table):
     return dataclasses.replace(table, extra=extra)
 
 
-def test_how_far_a_table_is_off_between_its_nodes_is_measured_when_it_is_built(coarse, tmp_path):
+def test_how_far_a_table_is_off_between_its_nodes_is_measured_when_it_is_built(
+    coarse, tmp_path, capsys
+):
     spec = coarse.spec
     errors = coarse.extra["interpolation_error"]
     assert errors.shape == (24, 13)
@@ -350,6 +353,8 @@ def test_how_far_a_table_is_off_between_its_nodes_is_measured_when_it_is_built(c
     np.testing.assert_array_equal(again.extra["interpolation_error"], errors)
     write(path, not_measured(coarse))
     assert "was not measured, and is in no interval: build it again" in describe(read(path))
+    find_table(path)
+    assert "table.h5: how far it is off between the nodes was not" in capsys.readouterr().err
 
 
 def test_the_table_that_ships_errs_as_before(table):
