@@ -298,7 +298,8 @@ def gap_words(outcome: Outcome) -> str:
         weighed += (
             f" before, {after.rms_um:.1f} µm ({after.rms_um / after.noise_um:.1f} × noise) after"
         )
-    return f"{text}. Less what errors of placement may have done: {weighed}."
+    slow = "errors that last" if outcome.placement is None else "placements and errors that last"
+    return f"{text}. Less what {slow} may have done: {weighed}."
 
 
 def next_words(outcome: Outcome) -> list[str]:

@@ -12,9 +12,16 @@ from skinlab.discrepancy.adequacy import Place, Residual
 from skinlab.discrepancy.candidates import Candidate, Found, Partial, behind_best
 from skinlab.discrepancy.discipline import Trial
 from skinlab.discrepancy.fit import Fit
+from skinlab.discrepancy.heldout import HeldOut
 from skinlab.discrepancy.odds import behind_words, each_behind
 from skinlab.discrepancy.outcome import Outcome
-from skinlab.discrepancy.text import doubt_words, learned_words, partial_words, verdict_words
+from skinlab.discrepancy.text import (
+    doubt_words,
+    gap_words,
+    learned_words,
+    partial_words,
+    verdict_words,
+)
 from skinlab.discrepancy.unknowns import Unknowns
 from skinlab.discrepancy.verdict import Verdict
 
@@ -174,3 +181,19 @@ def test_what_is_learned_does_not_hide_effects_that_explain_as_well():
     assert said(near) == [
         "These explain it as well, but did not stand the trials of a name: aperture_error; " + taken
     ]
+
+
+@pytest.mark.parametrize(
+    ("placement", "slow"),
+    [(None, "errors that last"), (SimpleNamespace(), "placements and errors that last")],
+)
+def test_what_errors_that_last_did_is_not_put_down_to_placements(placement, slow):
+    """Of 20 µm 9 were "errors of placement", where a campaign says that there is none."""
+    gap = HeldOut(10.9, 2.0, 2.0, ("c2.csv",), 20.3)
+    outcome = SimpleNamespace(
+        gap_before=gap, gap_after=gap, placement=placement, verdict=Verdict("none", [])
+    )
+    assert gap_words(outcome) == (
+        "Gap on conditions held out of the fit: 20.3 µm. "
+        f"Less what {slow} may have done: 10.9 µm (5.5 × noise)."
+    )
