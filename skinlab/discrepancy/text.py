@@ -267,20 +267,21 @@ def where_words(place: Place) -> str:
     )
 
 
-def parameter_rows(outcome: Outcome) -> list[tuple[str, str, str]]:
-    """Return rows (name, before, after) with 90 % intervals."""
-    before, after = outcome.parameters(outcome.found.base), outcome.parameters(outcome.best)
+def parameter_table(outcome: Outcome) -> tuple[list[str], list[tuple[str, ...]]]:
+    """Return heads, and rows (name, before, after) with 90 % intervals.
+
+    Where nothing is explained, nothing comes after: (name, value).
+    """
+    columns = {"value": outcome.parameters(outcome.found.base)}
+    if outcome.verdict.explanations:
+        columns = {"before": columns["value"], "after": outcome.parameters(outcome.best)}
     rows = []
-    for name in sorted({**before, **after}, key=is_effects):  # the law's first
+    names = dict.fromkeys(name for column in columns.values() for name in column)
+    for name in sorted(names, key=is_effects):  # the law's first
         label, unit = plain(name)
-        rows.append(
-            (
-                f"{label} ({unit})" if unit else label,
-                _value(before.get(name)),
-                _value(after.get(name)),
-            )
-        )
-    return rows
+        values = (_value(column.get(name)) for column in columns.values())
+        rows.append((f"{label} ({unit})" if unit else label, *values))
+    return ["parameter", *columns], rows
 
 
 def gap_words(outcome: Outcome) -> str:
@@ -421,8 +422,9 @@ def describe(outcome: Outcome) -> str:
             fits = "explains the data" if c.adequate else "does not explain the data"
             lines.append(f"  {explanation_words(c, own)}")
             lines.append(f"      {odds}; {fits}")
-    lines.append(f"{'':12}{'before':>30}{'after':>34}")
-    lines += [f"  {n:<28}{b:<32}{a}" for n, b, a in parameter_rows(outcome)]
+    (_, *heads), rows = parameter_table(outcome)
+    lines.append(f"{'':30}" + "".join(f"{head:>12}{'':20}" for head in heads).rstrip())
+    lines += [f"  {n:<28}{''.join(f'{v:<32}' for v in values)}".rstrip() for n, *values in rows]
     lines += limits_words(outcome)
     lines += alike_words(outcome) + next_words(outcome)
     return "\n".join(lines)
