@@ -19,6 +19,7 @@ from skinlab.text import counted, inert
 _SHOWN = 5
 _BY_CHANCE = 0.1  # from here on how often chance does as much says nothing
 _ROWS = 6  # of a learned function
+_NAME_WIDTH, _VALUE_WIDTH = 28, 32  # of columns of parameters, at least
 
 
 def verdict_words(outcome: Outcome) -> str:
@@ -284,6 +285,23 @@ def parameter_table(outcome: Outcome) -> tuple[list[str], list[tuple[str, ...]]]
     return ["parameter", *columns], rows
 
 
+def _parameter_lines(outcome: Outcome) -> list[str]:
+    """Return the same in columns as wide as their longest cells."""
+    (_, *heads), rows = parameter_table(outcome)
+    lines = [("", *(f"{head:>12}" for head in heads)), *rows]
+    least = (_NAME_WIDTH, *(_VALUE_WIDTH for _ in heads))
+    widths = [
+        max(width, 2 + max(len(cell) for cell in cells))
+        for width, cells in zip(least, zip(*lines, strict=True), strict=True)
+    ]
+    return [
+        (
+            "  " + "".join(f"{cell:<{width}}" for cell, width in zip(line, widths, strict=True))
+        ).rstrip()
+        for line in lines
+    ]
+
+
 def gap_words(outcome: Outcome) -> str:
     """Return the gap before and after in a sentence."""
     before, after = outcome.gap_before, outcome.gap_after
@@ -422,9 +440,7 @@ def describe(outcome: Outcome) -> str:
             fits = "explains the data" if c.adequate else "does not explain the data"
             lines.append(f"  {explanation_words(c, own)}")
             lines.append(f"      {odds}; {fits}")
-    (_, *heads), rows = parameter_table(outcome)
-    lines.append(f"{'':30}" + "".join(f"{head:>12}{'':20}" for head in heads).rstrip())
-    lines += [f"  {n:<28}{''.join(f'{v:<32}' for v in values)}".rstrip() for n, *values in rows]
+    lines += _parameter_lines(outcome)
     lines += limits_words(outcome)
     lines += alike_words(outcome) + next_words(outcome)
     return "\n".join(lines)

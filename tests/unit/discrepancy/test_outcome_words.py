@@ -16,6 +16,7 @@ from skinlab.discrepancy.heldout import HeldOut
 from skinlab.discrepancy.odds import behind_words, each_behind
 from skinlab.discrepancy.outcome import Outcome
 from skinlab.discrepancy.text import (
+    _parameter_lines,
     doubt_words,
     gap_words,
     learned_words,
@@ -181,6 +182,26 @@ def test_what_is_learned_does_not_hide_effects_that_explain_as_well():
     assert said(near) == [
         "These explain it as well, but did not stand the trials of a name: aperture_error; " + taken
     ]
+
+
+def test_columns_of_parameters_stand_apart():
+    """It had been "learned_sensor_curve c1 (µm)-101.9  (-110.2 to -93.61)"."""
+    names = ("X1_MPa", "learned_sensor_curve.c1_um")
+    value = {"value": -1.0189e-05, "low": -1.1021e-05, "high": -9.3613e-06}
+    base = candidate([])
+    outcome = SimpleNamespace(
+        found=Found(base, {}, []), best=candidate(["learned_sensor_curve"]),
+        verdict=Verdict("learned", [base]),
+        parameters=lambda c: dict.fromkeys(names[: 1 + len(c.effects)], value),
+    )  # fmt: skip
+    said = "-1.019e-05  (-1.102e-05 to -9.361e-06)"
+    head, first, second = _parameter_lines(outcome)
+    column, after = first.index("-"), first.rindex(said)
+    assert first == f"  {'X1 (MPa)':<{column - 2}}{said}  {said}"
+    assert second == f"  {'learned_sensor_curve c1 (µm)':<{after - 2}}{said}"
+    assert column == 2 + len("learned_sensor_curve c1 (µm)") + 2
+    assert head.split() == ["before", "after"]
+    assert column < head.index("before") < after < head.index("after")
 
 
 @pytest.mark.parametrize(
