@@ -294,12 +294,8 @@ def _parameter_lines(outcome: Outcome) -> list[str]:
         max(width, 2 + max(len(cell) for cell in cells))
         for width, cells in zip(least, zip(*lines, strict=True), strict=True)
     ]
-    return [
-        (
-            "  " + "".join(f"{cell:<{width}}" for cell, width in zip(line, widths, strict=True))
-        ).rstrip()
-        for line in lines
-    ]
+    padded = ([f"{c:<{w}}" for c, w in zip(line, widths, strict=True)] for line in lines)
+    return [f"  {''.join(line)}".rstrip() for line in padded]
 
 
 def gap_words(outcome: Outcome) -> str:
