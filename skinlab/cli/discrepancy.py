@@ -19,7 +19,7 @@ from skinlab.cli.options import (
     scatter_of,
     workers_option,
 )
-from skinlab.cli.output import echo, echo_text, print_json
+from skinlab.cli.output import echo, echo_text, print_json, tell_left_behind
 
 if TYPE_CHECKING:
     from skinlab.discrepancy.workflow import Partial
@@ -84,6 +84,7 @@ def command(
     from skinlab.recording.load_inputs import read_campaign_or_session
 
     curves, data = read_campaign_or_session(campaign)
+    tell_left_behind(campaign)
     table = find_table(database_path)
     base = base_model(model_path, table)
     curves = replace(

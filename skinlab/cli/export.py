@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Literal
 import click
 
 from skinlab.cli.options import control_option, database_option, study_option
-from skinlab.cli.output import echo
+from skinlab.cli.output import echo, tell_left_behind
 
 if TYPE_CHECKING:
     from skinlab.recording.session import Session
@@ -83,6 +83,7 @@ def command(
     if (since_path or control or study) and kind not in {"html", "pdf"}:
         raise click.UsageError("--since, --control and --study are for the report: html or pdf")
     read = read_session(session)
+    tell_left_behind(session)
     match kind:
         case "csv" | "json":
             paths = export(read, kind, folder)

@@ -23,7 +23,7 @@ from skinlab.cli.options import (
     with_prior_option,
     workers_option,
 )
-from skinlab.cli.output import echo, echo_text, print_json
+from skinlab.cli.output import echo, echo_text, print_json, tell_left_behind
 
 if TYPE_CHECKING:
     from skinlab.inference.identify import Identifier
@@ -121,6 +121,7 @@ def command(
     for path in inputs:
         try:
             given = read_input(path, geometry)
+            tell_left_behind(path)
             taken.append(replace(given, curves=read_by(given.curves, probe_path)))
             if given.model is not None and identifier.model_name is None:
                 _tell_model(path, given.model, database_given=options["database_path"] is not None)

@@ -7,6 +7,7 @@ import errno
 import os
 import sys
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any, TextIO
 
 from skinlab.text import inert, inert_lines, json_text
@@ -48,6 +49,16 @@ def echo_text(text: str, *, err: bool = False) -> None:
 def _shortened(line: str) -> str:
     """Leave out the middle of a line that repeats a whole file's content."""
     return line if len(line) <= _LONGEST else f"{line[: _LONGEST - 300]} … {line[-300:]}"
+
+
+def tell_left_behind(session: Path) -> None:
+    """Say that a crash left a journal that says more than a session, if one did."""
+    from skinlab.recording.journal import left_behind
+
+    journal = left_behind(session)
+    if journal is not None:
+        why = f"{journal.name} beside it was left by a crash, and says more"
+        echo(f"skinlab: {session}: {why}: skinlab recover {journal}", err=True)
 
 
 def print_json(document: dict[str, Any]) -> None:

@@ -7,7 +7,7 @@ from pathlib import Path
 import click
 
 from skinlab.cli.groups import SuggestingGroup
-from skinlab.cli.output import echo, echo_text
+from skinlab.cli.output import echo, echo_text, tell_left_behind
 
 
 @click.group(cls=SuggestingGroup)
@@ -68,4 +68,5 @@ def info(session: Path) -> int:
     from skinlab.report.session_text import describe_session
 
     echo_text(describe_session(session, read_session(session)))
+    tell_left_behind(session)
     return 0

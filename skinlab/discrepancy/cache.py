@@ -31,7 +31,7 @@ from skinlab.discrepancy.verdict import Name, Verdict
 from skinlab.errors import InputError
 from skinlab.inference.covariance import Covariance
 from skinlab.inference.error_judgement import ErrorModelSummary, PlacementSummary
-from skinlab.io.files import make_folder, write_file
+from skinlab.io.files import make_folder, without_leftovers, write_file
 from skinlab.mechanics.effects import EFFECTS
 from skinlab.mechanics.materials import LAWS
 from skinlab.tables.model_errors import SeenErrors
@@ -149,7 +149,10 @@ def load(name: str, records: Sequence[Record], folder: Path | None = None) -> Ou
 
 
 def save(name: str, outcome: Outcome, folder: Path | None = None) -> None:
-    """Keep the outcome; where that fails, nothing is lost but time."""
+    """Keep the outcome; where that fails, nothing is lost but time.
+
+    What was half written when a process was killed goes.
+    """
     found = outcome.found
     places = {id(candidate): i for i, candidate in enumerate(found.candidates)}
     kept = _Kept(
@@ -184,7 +187,8 @@ def save(name: str, outcome: Outcome, folder: Path | None = None) -> None:
     with contextlib.suppress(OSError, InputError):
         to = _folder(folder)
         make_folder(to)
-        write_file(to / f"{name}{_SUFFIX}", raw, replace=True)
+        with without_leftovers(to):
+            write_file(to / f"{name}{_SUFFIX}", raw, replace=True)
 
 
 def _plain(value: Any) -> Any:

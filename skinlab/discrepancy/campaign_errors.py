@@ -29,6 +29,7 @@ from skinlab.inference.covariance import Covariance, gram_matrices, products, pr
 from skinlab.inference.error_choice import ErrorChoice, Node, choose_errors
 from skinlab.inference.error_models.base import ErrorModel, Look
 from skinlab.inference.error_models.quantised import steps_of_samples_mm
+from skinlab.inference.error_models.words import of_size
 from skinlab.inference.likelihood import LinearModel
 from skinlab.inference.noise import (
     MESH_REST,
@@ -176,7 +177,7 @@ class CampaignErrors:
         for name, most in ERRORS.largest_um.items():
             size = look.median(partial(size_um, name=name))
             if size > most:
-                found.append(f"{name} of {size:.1f} µm (more than {most:g} µm is no error)")
+                found.append(f"{of_size(name, size)} (more than {most:g} µm is no error)")
         return ", ".join(found)
 
     def weights(self, ones: Sequence[Linearised]) -> list[tuple[Node, float]]:

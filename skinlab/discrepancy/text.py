@@ -19,6 +19,7 @@ from skinlab.text import counted, inert
 _SHOWN = 5
 _BY_CHANCE = 0.1  # from here on how often chance does as much says nothing
 _ROWS = 6  # of a learned function
+_NAME_WIDTH, _VALUE_WIDTH = 28, 32  # of columns of parameters, at least
 
 
 def verdict_words(outcome: Outcome) -> str:
@@ -267,20 +268,34 @@ def where_words(place: Place) -> str:
     )
 
 
-def parameter_rows(outcome: Outcome) -> list[tuple[str, str, str]]:
-    """Return rows (name, before, after) with 90 % intervals."""
-    before, after = outcome.parameters(outcome.found.base), outcome.parameters(outcome.best)
+def parameter_table(outcome: Outcome) -> tuple[list[str], list[tuple[str, ...]]]:
+    """Return heads, and rows (name, before, after) with 90 % intervals.
+
+    Where nothing is explained, nothing comes after: (name, value).
+    """
+    columns = {"value": outcome.parameters(outcome.found.base)}
+    if outcome.verdict.explanations:
+        columns = {"before": columns["value"], "after": outcome.parameters(outcome.best)}
     rows = []
-    for name in sorted({**before, **after}, key=is_effects):  # the law's first
+    names = dict.fromkeys(name for column in columns.values() for name in column)
+    for name in sorted(names, key=is_effects):  # the law's first
         label, unit = plain(name)
-        rows.append(
-            (
-                f"{label} ({unit})" if unit else label,
-                _value(before.get(name)),
-                _value(after.get(name)),
-            )
-        )
-    return rows
+        values = (_value(column.get(name)) for column in columns.values())
+        rows.append((f"{label} ({unit})" if unit else label, *values))
+    return ["parameter", *columns], rows
+
+
+def _parameter_lines(outcome: Outcome) -> list[str]:
+    """Return the same in columns as wide as their longest cells."""
+    (_, *heads), rows = parameter_table(outcome)
+    lines = [("", *(f"{head:>12}" for head in heads)), *rows]
+    least = (_NAME_WIDTH, *(_VALUE_WIDTH for _ in heads))
+    widths = [
+        max(width, 2 + max(len(cell) for cell in cells))
+        for width, cells in zip(least, zip(*lines, strict=True), strict=True)
+    ]
+    padded = ([f"{c:<{w}}" for c, w in zip(line, widths, strict=True)] for line in lines)
+    return [f"  {''.join(line)}".rstrip() for line in padded]
 
 
 def gap_words(outcome: Outcome) -> str:
@@ -298,7 +313,8 @@ def gap_words(outcome: Outcome) -> str:
         weighed += (
             f" before, {after.rms_um:.1f} µm ({after.rms_um / after.noise_um:.1f} × noise) after"
         )
-    return f"{text}. Less what errors of placement may have done: {weighed}."
+    slow = "errors that last" if outcome.placement is None else "placements and errors that last"
+    return f"{text}. Less what {slow} may have done: {weighed}."
 
 
 def next_words(outcome: Outcome) -> list[str]:
@@ -420,8 +436,7 @@ def describe(outcome: Outcome) -> str:
             fits = "explains the data" if c.adequate else "does not explain the data"
             lines.append(f"  {explanation_words(c, own)}")
             lines.append(f"      {odds}; {fits}")
-    lines.append(f"{'':12}{'before':>30}{'after':>34}")
-    lines += [f"  {n:<28}{b:<32}{a}" for n, b, a in parameter_rows(outcome)]
+    lines += _parameter_lines(outcome)
     lines += limits_words(outcome)
     lines += alike_words(outcome) + next_words(outcome)
     return "\n".join(lines)

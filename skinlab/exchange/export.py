@@ -12,7 +12,7 @@ from skinlab.curves.curve import Curve
 from skinlab.errors import InputError
 from skinlab.io.documents import toml_text
 from skinlab.io.files import write_file
-from skinlab.mechanics.names import of_law
+from skinlab.mechanics.names import is_effects, of_law
 from skinlab.recording.clocks import clock_readings
 from skinlab.recording.session import Session, stated_noise
 from skinlab.recording.stream import setup_to_json
@@ -115,7 +115,9 @@ def _curve_csv(curve: Curve) -> str:
 def _overview(session: Session) -> str:
     setup_columns = ("aperture_mm", "thickness_mm", "thickness_sd_mm", "program", "cycle", "repeat")
     results = [result or {} for result in session.results]
-    names = of_law(result.get("parameters") or () for result in results)
+    found_names = [result.get("parameters") or () for result in results]
+    effects = dict.fromkeys(n for names in found_names for n in names if is_effects(n))
+    names = (*of_law(found_names), *effects)
     header = (
         "file", "name", "samples", "partial", *setup_columns,
         *(f"{name}{end}" for name in names for end in ("", "_low", "_high")),

@@ -6,6 +6,7 @@ import contextlib
 import hashlib
 import os
 import stat
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -13,7 +14,11 @@ from typing import TextIO
 
 from skinlab.errors import InputError
 
+if sys.platform != "win32":
+    import fcntl
+
 _PRIVATE = 0o600
+_BEGIN, _END = ".skinlab-", ".partial"  # of the name of a file that is not whole yet
 
 
 def write_file(path: Path, content: bytes | memoryview | str, *, replace: bool = False) -> None:
@@ -95,6 +100,32 @@ def make_folder(folder: Path) -> None:
 
 
 @contextmanager
+def without_leftovers(folder: Path) -> Iterator[None]:
+    """Remove partial files of killed writers from a folder, all of whose writers write in here.
+
+    Writers share a lock of the folder, which the system takes from those that are gone. Who gets
+    it alone knows that nobody else is writing. Without locks nothing is removed.
+
+    Raises:
+        OSError: there is no such folder.
+    """
+    if sys.platform == "win32":
+        yield
+        return
+    number = os.open(folder, os.O_RDONLY)
+    try:
+        with contextlib.suppress(OSError):  # others are writing, or there are no locks here
+            fcntl.flock(number, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            for left in folder.glob(f"{_BEGIN}*{_END}"):
+                left.unlink(missing_ok=True)
+        with contextlib.suppress(OSError):
+            fcntl.flock(number, fcntl.LOCK_SH)
+        yield
+    finally:
+        os.close(number)
+
+
+@contextmanager
 def _whole(path: Path, replace: bool) -> Iterator[Path]:
     path = real_path(path) if replace else path  # not the link: what it leads to
     if not replace and os.path.lexists(path):
@@ -102,7 +133,7 @@ def _whole(path: Path, replace: bool) -> Iterator[Path]:
     make_folder(path.parent)
     import tempfile  # slow to import
 
-    number, name = tempfile.mkstemp(".partial", ".skinlab-", path.parent)  # 0600
+    number, name = tempfile.mkstemp(_END, _BEGIN, path.parent)  # 0600
     os.close(number)
     partial = Path(name)
     try:

@@ -317,6 +317,33 @@ def is_live(path: Path) -> bool:
     return False
 
 
+def journal_of(session: Path) -> Path:
+    """Return the journal that a session is recorded into."""
+    return _side_file(session, ".journal")
+
+
+def left_behind(session: Path) -> Path | None:
+    """Return the journal of a session that a crash left, and that says more; None: none does.
+
+    What was written to it before the session was last saved is in the session.
+    """
+    journal = journal_of(session)
+    try:
+        parts = [p for p in (journal, _side_file(journal, "-wal")) if p.is_file()]
+        said = max((p.stat().st_mtime for p in parts), default=None)
+        if said is None or (session.is_file() and session.stat().st_mtime >= said):
+            return None
+    except OSError:  # gone meanwhile, or not ours to read
+        return None
+    return None if is_live(journal) else journal
+
+
+def all_left_behind(folder: Path) -> list[Path]:
+    """Return the journals in a folder that crashes left, by name."""
+    sessions = [journal.with_suffix("") for journal in sorted(folder.glob("*.journal"))]
+    return [left for session in sessions if (left := left_behind(session)) is not None]
+
+
 def _claim(number: int) -> None:
     """Mark the journal as live: the system takes the mark away when the process is gone."""
     if sys.platform != "win32":

@@ -16,7 +16,7 @@ from drivers.events import Alarm, Event, HostVented, InstrumentFault, LinkLost
 from skinlab.errors import InputError
 from skinlab.recording.audit import Chain, note, operator
 from skinlab.recording.dose import dose_before
-from skinlab.recording.journal import Journal, read_journal
+from skinlab.recording.journal import Journal, journal_of, read_journal
 from skinlab.recording.pseudonym import check_site, check_subject
 from skinlab.recording.recorded import dialect_facts
 from skinlab.recording.records import Kind, Record
@@ -111,7 +111,7 @@ class Recording:
             **dialect_facts(get_dialect(DEFAULT) if dialect is None else dialect),
             "identification": identification_settings(identifier),
         }
-        self.journal = Journal(path.with_name(path.name + ".journal"), meta, now)
+        self.journal = Journal(journal_of(path), meta, now)
         self.audit("session opened", **meta)
 
     def __call__(self, message: Message) -> None:

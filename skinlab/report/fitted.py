@@ -27,7 +27,11 @@ from skinlab.mechanics.model_file import Model
 Array = NDArray[np.float64]
 
 _LINE_POINTS = 200
-_ROUNDING = 1e-3  # relative difference of a residual that another database or version explains
+# Relative difference of a residual from where on the database or the program is another
+_ROUNDING = 1e-3
+# The same of a model with effects: it was fitted by the database where that tells them, with the
+# noise of pressures that an earlier fit took off. Here the finite elements answer, at the readings.
+_ROUNDING_OF_EFFECTS = 1e-2
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,7 +87,7 @@ def fit_again(curve: Curve, result: StoredResult, identifier: Identifier) -> Fit
         line_mbar=line_mbar,
         line_mm=line_mm,
         ranges=at.ranges,
-        remark=_remark(residual_mm, result),
+        remark=_remark(residual_mm, result, at.rounding),
     )
 
 
@@ -94,6 +98,7 @@ class _Model:
     line_mbar: Array  # (m,)
     line_mm: Array  # (m,)
     ranges: Mapping[str, tuple[float, float]]
+    rounding: float = _ROUNDING
 
 
 def _from_database(chosen: Fitted, result: StoredResult, identifier: Identifier) -> _Model:
@@ -131,9 +136,9 @@ def _with_effects(chosen: Fitted, result: StoredResult, identifier: Identifier) 
         for effect, parameters in identifier.model.effects.items()
     }
     for name, value in values.items():
-        effect, _, parameter = name.partition(".")
-        if effect in effects:
-            effects[effect][parameter] = value
+        effect, _, parameter = name.rpartition(".")
+        if effect:  # of the model, or an uncertain thickness
+            effects.setdefault(effect, {})[parameter] = value
     fitted = chosen.samples
     sensor = identifier.sensor
     (record,) = records_of(Campaign("", sensor.noise_um, sensor.pressure_noise_mbar, (fitted,)))
@@ -149,7 +154,12 @@ def _with_effects(chosen: Fitted, result: StoredResult, identifier: Identifier) 
     ).deflection_mm
     noise_mm = errors_of([record]).sigma_mm
     return _Model(
-        model_mm, noise_mm, record.pressure_mbar, model_mm, _ranges(identifier.model, effects)
+        model_mm,
+        noise_mm,
+        record.pressure_mbar,
+        model_mm,
+        _ranges(identifier.model, effects),
+        _ROUNDING_OF_EFFECTS,
     )
 
 
@@ -174,11 +184,11 @@ def _noise_mm(
     return np.hypot(1e-3 * result.noise_um, slope_mm_per_mbar(pressure, model_mm) * spread)
 
 
-def _remark(residual_mm: Array, result: StoredResult) -> str:
+def _remark(residual_mm: Array, result: StoredResult, rounding: float) -> str:
     if result.rms_um is None:
         return ""
     now_um = 1e3 * float(np.sqrt(np.mean(residual_mm**2)))
-    if abs(now_um - result.rms_um) <= _ROUNDING * max(result.rms_um, 1.0):
+    if abs(now_um - result.rms_um) <= rounding * max(result.rms_um, 1.0):
         return ""
     return (
         f"The fitted curve was computed again for this report and leaves {now_um:.3g} µm, where "

@@ -21,7 +21,7 @@ from skinlab.discrepancy.text import (
     left_out_words,
     limits_words,
     next_words,
-    parameter_rows,
+    parameter_table,
     repeats_words,
     shares_words,
     verdict_words,
@@ -115,17 +115,21 @@ def render(outcome: Outcome) -> str:
         ),
         *_learned(outcome),
         _which(outcome),
-        Section(
-            "Parameters before and after",
-            ["Values with 90 % intervals. The change is the bias that the missing effect caused."],
-            tables=[Table(["parameter", "before", "after"], parameter_rows(outcome))],
-        ),
+        _parameters(outcome),
         Section(
             "What these data cannot show", [], points=[x.strip() for x in limits_words(outcome)]
         ),
         _methods(outcome),
     ]
     return page("What is missing in the model", sections, subtitle=_MARK)
+
+
+def _parameters(outcome: Outcome) -> Section:
+    heading, said = "Parameters", "Values with 90 % intervals, by the model as it is."
+    if outcome.verdict.explanations:
+        heading = "Parameters before and after"
+        said = "Values with 90 % intervals. The change is the bias that the missing effect caused."
+    return Section(heading, [said], tables=[Table(*parameter_table(outcome))])
 
 
 def _learned(outcome: Outcome) -> list[Section]:
@@ -247,11 +251,13 @@ def _methods(outcome: Outcome) -> Section:
 def _residuals(outcome: Outcome) -> list[Illustration]:
     with style():
         source = to_data_uri(draw_residuals(outcome), "png")
+    fits = "before and after the effect was added"
+    if not outcome.verdict.explanations:
+        fits = "of the model as it is"
     return [
         Illustration(
             source,
-            "Residuals of every curve against time, before and after the effect was added; a grey "
-            "band shows twice the noise.",
+            f"Residuals of every curve against time, {fits}; a grey band shows twice the noise.",
             "Measured minus fitted deflection. Grey: twice the noise.",
         )
     ]
@@ -259,9 +265,9 @@ def _residuals(outcome: Outcome) -> list[Illustration]:
 
 def draw_residuals(outcome: Outcome) -> Figure:
     """Return residuals of every curve, before and after, against time; called in `style()`."""
-    fits: list[tuple[str, Fit]] = [("before", outcome.found.base.fit)]
+    fits: list[tuple[str, Fit]] = [("the model as it is", outcome.found.base.fit)]
     if outcome.verdict.explanations:
-        fits.append(("after", outcome.best.fit))
+        fits = [("before", outcome.found.base.fit), ("after", outcome.best.fit)]
     records = outcome.found.records
     columns = 2
     rows = (len(records) + 1) // columns

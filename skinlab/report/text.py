@@ -6,6 +6,7 @@ import re
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
+from skinlab.inference.error_models.words import in_short
 from skinlab.inference.flags import CATALOGUE
 from skinlab.mechanics.materials.base import NU_CONSISTENT
 from skinlab.mechanics.names import is_poisson, plain
@@ -94,18 +95,9 @@ _ERRORS = {
 }
 
 
-_KINDS = {
-    "white": "noise",
-    "ou": "lasting",
-    "proportional": "in proportion",
-    "quantised": "steps",
-    "wander": "zero wanders",
-}
-
-
 def errors_in_short(model: ErrorModelSummary) -> str:
     """Return which kinds of error there are, a word or two each."""
-    return ", ".join(_KINDS.get(kind, kind.replace("_", " ")) for kind in model.name.split("+"))
+    return ", ".join(in_short(kind) for kind in model.name.split("+"))
 
 
 def errors_in_words(model: ErrorModelSummary | StoredErrors) -> str:

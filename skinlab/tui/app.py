@@ -8,6 +8,7 @@ import sys
 import time
 from collections import deque
 from collections.abc import Callable, Sequence
+from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
@@ -37,6 +38,7 @@ from skinlab.acquisition.settings import recall, recall_choice, remember_choice
 from skinlab.acquisition.shutdown import INTERRUPTED
 from skinlab.errors import SkinlabError
 from skinlab.io.log import log_exception
+from skinlab.recording.journal import all_left_behind
 from skinlab.recording.session import example_session
 from skinlab.recording.stream import Identified, Sampled
 from skinlab.tui.choices import choices_for
@@ -136,6 +138,7 @@ class SkinlabApp(PartedApp):
         model: str | None = None,
         make_replayer: Callable[..., Replayer] = Replayer,
         clock: Callable[[], float] = time.monotonic,
+        now: Callable[[], datetime] = datetime.now,
         reference: Reference | None = None,
         user: UserSettings | None = None,
         protocol: NamedProtocol | None = None,
@@ -144,10 +147,11 @@ class SkinlabApp(PartedApp):
         """Begin with a port, with the replay of a session, or (neither) by asking.
 
         Settings are kept for the next time in `settings`; None: nowhere. `model` names what
-        curves are identified with; None: the base law. `clock` (s) tells typing from confirming.
-        `reference` has the usual ranges that values are shown against, `user` the colours and
-        further keys of the settings file, `protocol` what a study demands; `study`, a folder of
-        `skinlab study`, says how much visits, operators and placements scatter.
+        curves are identified with; None: the base law. `clock` (s) tells typing from confirming,
+        and `now`, local time, one day from the next. `reference` has the usual ranges that values
+        are shown against, `user` the colours and further keys of the settings file, `protocol` what
+        a study demands; `study`, a folder of `skinlab study`, says how much visits, operators and
+        placements scatter.
         """
         super().__init__()
         self._line_filters: tuple[tuple[LineFilter, ...], ...] = ((), (InertText(),))
@@ -179,7 +183,7 @@ class SkinlabApp(PartedApp):
         self._ahead: deque[events.Key] = deque()  # typed before the main screen was there
         self._clock = clock
         self._protocol_steps = ProtocolSteps(self)
-        self._starting = Starting(self, settings, self._protocol_steps)
+        self._starting = Starting(self, settings, self._protocol_steps, now)
         self._session_keys = SessionKeys(self)
         self._missing_keys = MissingKeys(self)
         self._replay_keys = ReplayKeys(self, self._starting)
@@ -204,6 +208,9 @@ class SkinlabApp(PartedApp):
         self._begun = True
         self.main.begin()
         self._tick()
+        for journal in all_left_behind(self.folder):
+            why = f"{journal.name} was left by a crash: skinlab recover makes a session of it"
+            self.board.say(Level.WARNING, why)
         self.set_interval(_TICK_S, self._tick)
         self.set_interval(_REPAINT_S, self._see_again)
         if self._ask:

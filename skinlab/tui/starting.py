@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
+from datetime import datetime
 from pathlib import Path
 
 from textual.widgets import Input
@@ -22,12 +24,18 @@ from skinlab.tui.ui_state import MEASURING, WHOSE, Level
 class Starting(Part):
     """Shows what will happen, starts it, and connects first where that must be.
 
-    Settings are kept for the next time in `settings`; None: nowhere.
+    Settings are kept for the next time in `settings`; None: nowhere. `now` is local time.
     """
 
-    def __init__(self, app: PartedApp, settings: Path | None, protocol: ProtocolSteps) -> None:
+    def __init__(
+        self,
+        app: PartedApp,
+        settings: Path | None,
+        protocol: ProtocolSteps,
+        now: Callable[[], datetime],
+    ) -> None:
         super().__init__(app)
-        self._protocol = protocol
+        self._protocol, self._now = protocol, now
         self._settings = settings
         self._queued: Order | None = None  # to be shown once its port is connected
         self._unnamed: tuple[str, str] | None = None  # visit that may do without a subject
@@ -81,6 +89,9 @@ class Starting(Part):
             self.app.perform("resetting", self.bench.reset)
             return
         self.fields.follow()  # what was typed last may not have come through
+        if not self.anew and self.board.is_over(self._now()):
+            self.anew = True
+            self.board.begin_day()
         self.board.name(self.fields.who)
         self.fields.count(self.board.next_cycle)
         try:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from datetime import datetime
+from datetime import datetime, timedelta
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -96,6 +96,7 @@ _RANK = {Level.INFO: 0, Level.WARNING: 1, Level.ERROR: 2}
 _LASTS_S = {Level.INFO: 12.0, Level.WARNING: 45.0, Level.ERROR: 120.0}  # on the screen
 _ASIDE_S = 4.0  # the answer to a key that does nothing
 _MOST_TOLD = 200  # messages that can be read again
+_BREAK = timedelta(hours=4)  # on another day: no visit goes on after it
 _BUSY_S = 0.3  # what takes longer is named
 _BUSY = {
     "preparing": "loading the tables",
@@ -254,6 +255,17 @@ class Board:
     def next_cycle(self) -> int:
         """Which loading of its site the next curve of whom the fields name will be."""
         return self._loadings.get((self.who, self.simulated), 0) + 1
+
+    def is_over(self, now: datetime) -> bool:
+        """Whether the open visit was on another day, hours ago: the screen was left open."""
+        ends = [e.at for e in self.entries.values() if e.at is not None]
+        last = max(ends, default=self.begun_at)
+        return last is not None and now.date() != last.date() and now - last >= _BREAK
+
+    def begin_day(self) -> None:
+        """Count loadings from 1: all sites have rested."""
+        self._loadings.clear()
+        self.say(Level.INFO, "another day: another session, and loadings count from 1")
 
     @property
     def busy(self) -> str:

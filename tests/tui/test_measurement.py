@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+from datetime import datetime, timedelta
+
 import numpy as np
 import pytest
 
@@ -7,6 +9,7 @@ from drivers.events import InstrumentState
 from skinlab.acquisition.replay import differences, identifier_of, replay
 from skinlab.recording.session import read_session
 from skinlab.recording.stream import Identified
+from skinlab.tui.ui_state import Board
 from skinlab.tui.widgets.curve_plot import CurvePlot
 from skinlab.tui.widgets.curves import Curves
 
@@ -199,6 +202,44 @@ async def test_another_subject_begins_another_session(bedside, session_files):
         await bed.until(lambda: bed.board.entry and bed.board.entry.result and bed.board.can_arm)
     subjects = [read_session(path).meta["subject"] for path in session_files()]
     assert subjects == ["P01", "P02"]
+
+
+async def test_another_day_begins_another_session(bedside, session_files):
+    """A screen that was left open dated the next day's curve to the day before."""
+    later = timedelta(0)
+    async with bedside(now=lambda: datetime.now() + later) as bed:
+        await bed.connected()
+        await bed.fill("subject", "P01")
+        await bed.run()
+        for hours, session, cycle in ((0.0, 1, 2), (24.0, 2, 1)):
+            later = timedelta(hours=hours)
+            await bed.press("v")
+            await bed.until(lambda: bed.board.can_arm and bed.board.review is None)
+            await bed.check()
+            assert bed.board.session == session
+            assert f"loading  {cycle} of this site" in bed.text("#card-text")
+        assert "another day" in " ".join(note for note, _ in bed.board.told)
+        await bed.press("f9")
+        await bed.until(lambda: bed.board.entry and bed.board.entry.result and bed.board.can_arm)
+    loadings = [[c.setup.cycle for c in read_session(p).curves] for p in session_files()]
+    assert loadings == [[1], [1]]
+
+
+def test_a_visit_goes_on_over_midnight_and_not_into_the_next_day():
+    board = Board("p")
+    board.begun_at = datetime(2026, 3, 1, 22, 0)
+    ends = [(datetime(2026, 3, 1, 23, 50), False), (datetime(2026, 3, 2, 0, 30), False)]
+    for now, over in [*ends, (datetime(2026, 3, 2, 2, 1), True), (datetime(2026, 3, 2, 8), True)]:
+        assert board.is_over(now) is over
+    assert not Board("p").is_over(datetime(2026, 3, 2))
+
+
+async def test_a_journal_that_a_crash_left_is_told_of_at_the_start(bedside, tmp_path):
+    (tmp_path / "2026-01-01-1.h5.journal").write_bytes(b"")
+    async with bedside() as bed:
+        await bed.connected()
+        told = [note for note, _ in bed.board.told]
+        assert any("2026-01-01-1.h5.journal" in n and "skinlab recover" in n for n in told)
 
 
 @pytest.mark.long

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import os
 import stat
+import sys
 import threading
 
 import pytest
 
 from skinlab.errors import InputError
-from skinlab.io.files import append_text, whole_file, write_file
+from skinlab.io.files import append_text, whole_file, without_leftovers, write_file
 from skinlab.io.log import log_exception
 
 
@@ -43,6 +44,26 @@ def test_a_writer_that_fails_leaves_what_was_there(tmp_path):
         partial.joinpath("of a file").write_text("half")
     assert path.read_text() == "one"
     assert [p.name for p in tmp_path.iterdir()] == ["a.txt"]
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="locks of folders are not for Windows")
+def test_what_a_killed_writer_left_goes_and_what_is_being_written_stays(tmp_path):
+    left = tmp_path / ".skinlab-killed.partial"
+    left.write_text("half")
+    with without_leftovers(tmp_path):
+        assert not list(tmp_path.iterdir())
+        with whole_file(tmp_path / "a.txt") as partial:
+            with without_leftovers(tmp_path):  # another writer: locks are of whoever opened
+                write_file(tmp_path / "b.txt", "two")
+            partial.write_text("one")
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["a.txt", "b.txt"]
+    assert (tmp_path / "a.txt").read_text() == "one"
+    left.write_text("half")
+    with without_leftovers(tmp_path):
+        pass
+    assert not left.exists()
+    with pytest.raises(FileNotFoundError), without_leftovers(tmp_path / "none"):
+        pass
 
 
 def test_a_link_is_followed_and_a_pipe_is_written_to(tmp_path):

@@ -47,7 +47,7 @@ _EDGE_POINTS = np.polynomial.legendre.leggauss(3)  # exact: the integrand is of 
 class State:
     """What one evaluation gives: MPa, mm, N (per full turn, 2π)."""
 
-    energy: float  # stored energy, N mm
+    stored: Callable[[], float]  # energy, N mm
     residual: Array  # (dofs,) internal minus external force
     matrix: Banded  # the tangent's symmetric part
     load: Array  # (dofs,) external force per MPa of suction
@@ -57,6 +57,11 @@ class State:
     skew: tuple[Array, float] | None  # see `Assembly._rim_terms`; None where the rim is held
     deformation: Array  # (5, m, q) deformation gradients
     least_acoustic: Callable[[], float]  # least `ellipticity` over the points, MPa
+
+    @property
+    def energy(self) -> float:
+        """Stored energy, N mm: few ask."""
+        return self.stored()
 
     @property
     def tangent(self) -> Array:
@@ -305,7 +310,7 @@ class Assembly:
         band = _gather(slot, entries, self.n * (self.band + 1))
         return State(
             skew=self._rim_terms(u),
-            energy=float((energy * w).sum()),
+            stored=lambda: float((energy * w).sum()),
             residual=internal - pressure_mpa * external,
             matrix=LapackBanded(band.reshape(self.n, self.band + 1)),
             load=external,
@@ -334,16 +339,21 @@ class Assembly:
             energy = kernel.Energy.of(potential, self.volumes.shape)
         else:
             energy = compiled.potential(strain, form)
-        f, stored = strain.f, energy.stored(self.volumes)
-        if stress_2pk is not None:
-            work = 0.5 * (first_stress(f, stress_2pk) * f).sum(axis=0)
-            stored += float(np.vdot(self.volumes, work))
+        f = strain.f
+
+        def stored() -> float:
+            found = energy.stored(self.volumes)
+            if stress_2pk is not None:
+                work = 0.5 * (first_stress(f, stress_2pk) * f).sum(axis=0)
+                found += float(np.vdot(self.volumes, work))
+            return found
+
         band, internal, external, volume = compiled.assemble(
             u, strain, energy, stress_2pk, pressure_mpa
         )
         return State(
             skew=self._rim_terms(u),
-            energy=stored,
+            stored=stored,
             residual=internal - pressure_mpa * external,
             matrix=KernelBanded(compiled, band),
             load=external,

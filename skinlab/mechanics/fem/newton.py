@@ -65,11 +65,16 @@ class Point:
 
     unknowns: Array
     slope: Array
-    energy: float
     volume: float
     state: State  # just before the last, negligible, correction
+    last_work: float  # of the internal forces along that one, N mm
     contraction: float | None  # second correction over the first squared, mm⁻¹; None: only one
     factor: Factor  # of the tangent at `state`
+
+    @property
+    def energy(self) -> float:
+        """Stored energy, N mm."""
+        return self.state.energy + self.last_work
 
 
 def solve_point(
@@ -118,9 +123,9 @@ def solve_point(
                 u,
                 slope,
                 # `state` is that before the last correction: to first order, what it changes
-                state.energy + float(internal @ step),
                 state.volume + float(state.load @ step),
                 state,
+                float(internal @ step),
                 seen,
                 factor,
             )

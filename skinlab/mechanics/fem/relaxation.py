@@ -20,6 +20,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
+from functools import lru_cache
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
@@ -144,6 +145,7 @@ def isochoric_stress(prepared: Prepared, unknowns: Array) -> Array | None:
     return np.asarray(s if own is None else s * own[:, None])
 
 
+@lru_cache(maxsize=256)  # of a step that is tried and then taken, of curves with equal steps
 def step_factors(x: float) -> tuple[float, float, float]:
     """Return e^(−x), φ and ψ of the module's formula; x = Δt/τ ≥ 0."""
     e = math.exp(-x)

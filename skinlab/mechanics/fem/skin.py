@@ -285,8 +285,20 @@ class Prepared:
 
     def parameters(self, isochoric: float = 1.0) -> dict[str, Any]:
         """Return what the body's energy needs, the skin's isochoric energy times a factor."""
-        found = {"own": self._own, "isochoric": float(isochoric), "layers": self._layers}
-        return {**found, "form": self.body.form(found)}
+        whole = None
+        if self._forms is not None:
+            rest, own = self._forms
+            whole = rest + isochoric * own
+        return {**self._parts(isochoric), "form": whole}
+
+    @cached_property
+    def _forms(self) -> tuple[Array, Array] | None:
+        """The form without the skin's isochoric energy, and what that adds to it."""
+        rest, whole = (self.body.form(self._parts(isochoric)) for isochoric in (0.0, 1.0))
+        return None if rest is None or whole is None else (rest, whole - rest)
+
+    def _parts(self, isochoric: float) -> dict[str, Any]:
+        return {"own": self._own, "isochoric": float(isochoric), "layers": self._layers}
 
     def isochoric_first(self, i1: Array, i2: Array, j: Array) -> First:
         """Return first derivatives of the isochoric energy (they are the skin's alone)."""

@@ -581,10 +581,10 @@ def test_errors_are_too_large_only_if_the_best_says_what_stiffness_does(
     search.errors = CampaignErrors((errors(5.0),))
     assert search._implausible([best]) == ""
     search.errors = CampaignErrors((errors(5.0), errors(16.0)))
-    assert search._implausible([candidate(LAG, 50.0, BAD)]).startswith("ou of 16.0 µm")
+    assert search._implausible([candidate(LAG, 50.0, BAD)]).startswith("lasting errors of 16.0 µm")
     assert not asked
     found = search._implausible([candidate(LAG, 50.0, BAD), best])
-    assert found.startswith("ou of 15.0 µm") if said else found == ""
+    assert found.startswith("lasting errors of 15.0 µm") if said else found == ""
     assert asked == [slopes_mm[:, best.fit.unknowns.space.scale].tolist()]
 
 

@@ -407,7 +407,9 @@ def test_what_was_left_out_is_told_and_kept(off_zero, explained, tmp_path):
     assert found.left_out == document(explained)["left_out"] == {}
     records = without(found.records, [missing, *others])
     outcome = replace(explained, found=replace(found, records=records, kept=(missing, *others)))
+    (tmp_path / ".skinlab-killed.partial").write_bytes(b"half")
     cache.save("a", outcome, tmp_path)
+    assert [p.name for p in tmp_path.iterdir()] == ["a.msgpack"]
     again = cache.load("a", records_of(off_zero), tmp_path)
     name = off_zero.curves[0].name
     assert document(again)["left_out"] == {name: 1}

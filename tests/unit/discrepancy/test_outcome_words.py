@@ -12,9 +12,17 @@ from skinlab.discrepancy.adequacy import Place, Residual
 from skinlab.discrepancy.candidates import Candidate, Found, Partial, behind_best
 from skinlab.discrepancy.discipline import Trial
 from skinlab.discrepancy.fit import Fit
+from skinlab.discrepancy.heldout import HeldOut
 from skinlab.discrepancy.odds import behind_words, each_behind
 from skinlab.discrepancy.outcome import Outcome
-from skinlab.discrepancy.text import doubt_words, learned_words, partial_words, verdict_words
+from skinlab.discrepancy.text import (
+    _parameter_lines,
+    doubt_words,
+    gap_words,
+    learned_words,
+    partial_words,
+    verdict_words,
+)
 from skinlab.discrepancy.unknowns import Unknowns
 from skinlab.discrepancy.verdict import Verdict
 
@@ -174,3 +182,39 @@ def test_what_is_learned_does_not_hide_effects_that_explain_as_well():
     assert said(near) == [
         "These explain it as well, but did not stand the trials of a name: aperture_error; " + taken
     ]
+
+
+def test_columns_of_parameters_stand_apart():
+    """It had been "learned_sensor_curve c1 (µm)-101.9  (-110.2 to -93.61)"."""
+    names = ("X1_MPa", "learned_sensor_curve.c1_um")
+    value = {"value": -1.0189e-05, "low": -1.1021e-05, "high": -9.3613e-06}
+    base = candidate([])
+    outcome = SimpleNamespace(
+        found=Found(base, {}, []), best=candidate(["learned_sensor_curve"]),
+        verdict=Verdict("learned", [base]),
+        parameters=lambda c: dict.fromkeys(names[: 1 + len(c.effects)], value),
+    )  # fmt: skip
+    said = "-1.019e-05  (-1.102e-05 to -9.361e-06)"
+    head, first, second = _parameter_lines(outcome)
+    column, after = first.index("-"), first.rindex(said)
+    assert first == f"  {'X1 (MPa)':<{column - 2}}{said}  {said}"
+    assert second == f"  {'learned_sensor_curve c1 (µm)':<{after - 2}}{said}"
+    assert column == 2 + len("learned_sensor_curve c1 (µm)") + 2
+    assert head.split() == ["before", "after"]
+    assert column < head.index("before") < after < head.index("after")
+
+
+@pytest.mark.parametrize(
+    ("placement", "slow"),
+    [(None, "errors that last"), (SimpleNamespace(), "placements and errors that last")],
+)
+def test_what_errors_that_last_did_is_not_put_down_to_placements(placement, slow):
+    """Of 20 µm 9 were "errors of placement", where a campaign says that there is none."""
+    gap = HeldOut(10.9, 2.0, 2.0, ("c2.csv",), 20.3)
+    outcome = SimpleNamespace(
+        gap_before=gap, gap_after=gap, placement=placement, verdict=Verdict("none", [])
+    )
+    assert gap_words(outcome) == (
+        "Gap on conditions held out of the fit: 20.3 µm. "
+        f"Less what {slow} may have done: 10.9 µm (5.5 × noise)."
+    )

@@ -61,6 +61,20 @@ def test_csv_reads_back_to_the_same_bits(session, tmp_path):
     assert (second["X1_MPa"], second["partial"], second["program"]) == ("", "true", "")
 
 
+def test_effects_have_their_columns_behind_those_of_the_law(session, tmp_path):
+    """Values of a model's effects were in session.json, and in no table."""
+    first = session.results[0]
+    lag = {"value": 0.1, "low": 0.05, "high": 0.2}
+    with_effect = {**first, "parameters": {"pressure_lag.lag_s": lag} | first["parameters"]}
+    export(replace(session, results=(first, with_effect)), "csv", tmp_path)
+    with (tmp_path / "curves.csv").open(newline="", encoding="utf-8") as file:
+        without, row = csv.DictReader(file)
+    own = [f"pressure_lag.lag_s{end}" for end in ("", "_low", "_high")]
+    assert [row[name] for name in own] == ["0.1", "0.05", "0.2"]
+    assert [without[name] for name in own] == ["", "", ""]
+    assert list(row).index("nu_high") + 1 == list(row).index(own[0])
+
+
 def test_json_reads_back_to_the_same_bits(session, tmp_path):
     (path,) = export(session, "json", tmp_path)
     document = json.loads(path.read_text(encoding="utf-8"))

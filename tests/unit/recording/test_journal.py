@@ -13,7 +13,14 @@ from crashes import journal_of_example
 from skinlab.errors import InputError
 from skinlab.recording import journal as module
 from skinlab.recording.audit import entries
-from skinlab.recording.journal import Journal, read_journal, room_bytes
+from skinlab.recording.journal import (
+    Journal,
+    all_left_behind,
+    journal_of,
+    left_behind,
+    read_journal,
+    room_bytes,
+)
 from skinlab.recording.records import Kind
 
 
@@ -53,6 +60,29 @@ def test_a_journal_that_nobody_closed_is_read_to_its_last_record(tmp_path):
         assert [r.host_time_s for r in read.records] == [float(n) for n in range(3000)]
         assert read.skipped == []
     journal.close()
+
+
+def test_what_a_crash_left_is_found_where_it_says_more_than_the_session(tmp_path):
+    session, crashed = tmp_path / "v.h5", tmp_path / "crashed" / "v.h5"
+    crashed.parent.mkdir()
+    journal = Journal(journal_of(session), {"subject": "P-7"})
+    journal.raw("rx", 1.0, b"$S")
+    journal.flush()
+    for name in ("v.h5.journal", "v.h5.journal-wal"):
+        (crashed.parent / name).write_bytes((tmp_path / name).read_bytes())
+    assert left_behind(session) is None  # somebody records there
+    assert left_behind(crashed) == journal_of(crashed)
+    assert all_left_behind(tmp_path) == []
+    assert all_left_behind(crashed.parent) == [journal_of(crashed)]
+    crashed.touch()
+    last = (crashed.parent / "v.h5.journal-wal").stat().st_mtime
+    for saved, left in ((last - 5.0, journal_of(crashed)), (last + 5.0, None)):
+        os.utime(crashed, (saved, saved))
+        assert left_behind(crashed) == left
+    journal.close()
+    journal.remove()
+    assert left_behind(session) is None
+    assert all_left_behind(tmp_path / "nowhere") == []
 
 
 def test_it_and_its_side_files_are_for_their_owner_only(tmp_path):

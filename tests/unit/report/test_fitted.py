@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
+import msgspec
 import numpy as np
 import pytest
 
@@ -71,6 +74,32 @@ def test_the_base_law_alone_is_not_drawn_for_a_model_with_effects(curve, identif
     assert "differs from then" in fit.remark
     with pytest.raises(InputError, match="not those of its model"):
         fit_again(curve, result_of(X1_MPa=0.025), identifier)
+
+
+@pytest.mark.parametrize(("share", "differs"), [(0.998, False), (1.002, False), (0.98, True)])
+def test_the_database_in_place_of_finite_elements_is_no_other_program(
+    curve, identifier, share, differs
+):
+    """It "leaves 4.41 µm, where 4.41 µm is stored", and nothing differed."""
+    stored = result_of(
+        X1_MPa=0.025, X2_MPa=2.95, nu=0.28, viscoelasticity__g=0.3, viscoelasticity__tau_s=1.0
+    )
+    now_um = 1e3 * np.sqrt(np.mean(fit_again(curve, stored, identifier).residual_mm ** 2))
+    again = msgspec.structs.replace(stored, rms_um=share * now_um)
+    assert ("differs from then" in fit_again(curve, again, identifier).remark) == differs
+
+
+def test_a_thickness_with_an_uncertainty_is_in_it_as_it_was_found(curve, identifier, noise_mm):
+    """The model has no such effect: the curve was drawn with the stated thickness."""
+    thicker = replace(curve, setup=replace(curve.setup, thickness_mm=1 / 1.1, thickness_sd_mm=0.1))
+    stored = result_of(
+        X1_MPa=0.025, X2_MPa=2.95, nu=0.28, viscoelasticity__g=0.3, viscoelasticity__tau_s=1.0,
+        thickness_error__ratio=1.1,
+    )  # fmt: skip
+    fit = fit_again(thicker, stored, identifier)
+    np.testing.assert_allclose(fit.residual_mm, noise_mm, atol=1e-9)
+    low, high = fit.ranges["thickness_error.ratio"]
+    assert low < 1.1 < high
 
 
 def test_the_model_is_told(identifier):

@@ -1,0 +1,59 @@
+"""The report of what is missing."""
+
+from __future__ import annotations
+
+import pytest
+from shown import outcome as named_outcome
+
+from skinlab.discrepancy.adequacy import Residual
+from skinlab.discrepancy.text import parameter_table
+from skinlab.discrepancy.verdict import Verdict
+from skinlab.report import missing_effect
+from skinlab.report.missing_effect import draw_residuals, render
+from skinlab.report.pictures import style
+
+
+@pytest.fixture
+def outcome(monkeypatch):
+    """What names a lag."""
+    monkeypatch.setattr(missing_effect, "to_data_uri", lambda *_: "data:image/png;base64,AA==")
+    found = named_outcome()
+    found.found.signatures = {}
+    return found
+
+
+@pytest.fixture
+def unknown(outcome):
+    base = outcome.found.base
+    base.adequate, base.left = False, Residual(1e-9, (), 1e-9)
+    outcome.verdict, outcome.best = Verdict("unknown", []), base
+    return outcome
+
+
+def fits_drawn(outcome):
+    with style():
+        axes = draw_residuals(outcome).axes
+    return [text.get_text() for text in axes[0].get_legend().get_texts()]
+
+
+def test_a_named_effect_has_a_before_and_an_after(outcome):
+    text = render(outcome)
+    assert "The change is the bias that the missing effect caused" in text
+    assert "before and after the effect was added" in text
+    heads, rows = parameter_table(outcome)
+    assert heads == ["parameter", "before", "after"]
+    assert rows[0] == ("X1 (MPa)", "0.02  (0.019 to 0.021)", "0.026  (0.024 to 0.029)")
+    assert fits_drawn(outcome) == ["before", "after"]
+
+
+def test_where_nothing_is_found_nothing_has_changed(unknown):
+    """Two equal columns were "the bias that the missing effect caused"."""
+    text = render(unknown)
+    assert "bias" not in text
+    assert "the effect was added" not in text
+    assert "Residuals of every curve against time, of the model as it is" in text
+    assert parameter_table(unknown) == (
+        ["parameter", "value"],
+        [("X1 (MPa)", "0.02  (0.019 to 0.021)")],
+    )
+    assert fits_drawn(unknown) == ["the model as it is"]
