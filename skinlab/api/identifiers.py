@@ -19,6 +19,8 @@ from skinlab.inference.problem import Options, check
 from skinlab.inference.uncertainty import Sensor
 from skinlab.mechanics.materials.compressibility import KappaConvention
 from skinlab.mechanics.model_file import Model, read_model
+from skinlab.plugins import warn
+from skinlab.tables.dimensionless_spec import NOT_MEASURED
 from skinlab.tables.store import read, shipped_table
 from skinlab.tables.table import Table
 
@@ -151,7 +153,12 @@ def find_table(database: PathLike | Table | None) -> Table:
     """
     if isinstance(database, Table):
         return database
-    return shipped_table() if database is None else read(as_path(database))
+    if database is None:
+        return shipped_table()
+    table = read(as_path(database))
+    if table.spec.between(table) == NOT_MEASURED:
+        warn(f"{database}: {NOT_MEASURED}")
+    return table
 
 
 def find_model(model: PathLike | Model | None) -> Model | None:

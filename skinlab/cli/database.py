@@ -90,6 +90,8 @@ def build(spec: str, out: Path | None, workers: int | None, dask: str | None, re
         raise
     kept.unlink(missing_ok=True)
     echo(f"{out}: {entries} curves, {table.content_hash}")
+    if off := what.between(table):
+        echo(off)
     return 0
 
 

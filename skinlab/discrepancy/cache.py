@@ -34,6 +34,7 @@ from skinlab.inference.error_judgement import ErrorModelSummary, PlacementSummar
 from skinlab.io.files import make_folder, without_leftovers, write_file
 from skinlab.mechanics.effects import EFFECTS
 from skinlab.mechanics.materials import LAWS
+from skinlab.tables.model_errors import SeenErrors
 from skinlab.versions import versions
 
 _SUFFIX = ".msgpack"
@@ -47,13 +48,14 @@ class _KeptRecord(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     off_path_mm: NDArray[np.float64]
     bend_mm: NDArray[np.float64]
     creases_mbar: float
+    table_errors: SeenErrors | None
 
     @classmethod
     def of(cls, record: Record) -> _KeptRecord:
         each = np.zeros(len(record.curve))
         return cls(
             record.pressure_mbar, each + record.off_path_mm, each + record.bend_mm,
-            record.creases_mbar,
+            record.creases_mbar, record.table_errors,
         )  # fmt: skip
 
     def back_to(self, record: Record) -> Record:
@@ -61,7 +63,7 @@ class _KeptRecord(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
             raise ValueError("of other samples")
         return replace(
             record, pressure_mbar=self.pressure_mbar, off_path_mm=self.off_path_mm,
-            bend_mm=self.bend_mm, creases_mbar=self.creases_mbar,
+            bend_mm=self.bend_mm, creases_mbar=self.creases_mbar, table_errors=self.table_errors,
         )  # fmt: skip
 
 

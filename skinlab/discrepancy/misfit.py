@@ -98,15 +98,16 @@ def mesh_columns(records: Sequence[Record]) -> Array:
             block[here] = OWN_FACTOR * np.array(MESH_OWN) * shapes
             common[here] = COMMON_FACTOR * np.array(MESH_COMMON) * shapes
         blocks.append(block)
-    return np.hstack([*blocks, common, *_creased(records, smooth, starts)])
+    return np.hstack([*blocks, common, *_of_the_table(records, smooth, starts)])
 
 
-def _creased(
+def _of_the_table(
     records: Sequence[Record], smooth: Sequence[Array], starts: NDArray[np.intp]
 ) -> list[Array]:
     """Return shapes (u, m) of each opening, mm, in which meshes differ on the way to a crease.
 
-    Those that an identification counts with (docs/decisions/0022-going-on-near-creases.md).
+    And those in which a table errs between its nodes: both as an identification counts with them
+    (docs/decisions/0022-going-on-near-creases.md).
     """
     found = []
     for members in by_geometry(records):
@@ -114,7 +115,11 @@ def _creased(
             [records[i].pressure_mbar / records[i].creases_mbar for i in members]
         )
         deflection_mm = np.concatenate([smooth[i] for i in members])
-        shapes = crease_shapes(share) * deflection_mm[:, None]
+        shapes = crease_shapes(share)
+        if (seen := records[members[0]].table_errors) is not None:
+            pressure = np.concatenate([records[i].pressure_mbar for i in members])
+            shapes = np.hstack([shapes, seen.shapes(pressure)])
+        shapes = shapes * deflection_mm[:, None]
         block = np.zeros((int(starts[-1]), shapes.shape[1]))
         block[np.concatenate([np.arange(starts[i], starts[i + 1]) for i in members])] = shapes
         found.append(block[:, block.any(axis=0)])

@@ -265,6 +265,7 @@ def _looks(fitter: Fitter, tied: Sequence[Fit], errors: Sequence[PlannedErrors])
     have = {(r.geometry.aperture_mm, str(r.curve.setup.program or "")) for r in fitter.records}
     apertures = {r.geometry.aperture_mm for r in fitter.records}
     creases = {r.geometry: r.creases_mbar for r in fitter.records}
+    errors_there = {r.geometry: r.table_errors for r in fitter.records}
     late_s = rig_lag_s(fitter.records)
     found = []
     for aperture in PLANS.tops_mbar:
@@ -275,7 +276,11 @@ def _looks(fitter: Fitter, tied: Sequence[Fit], errors: Sequence[PlannedErrors])
         holds_to = creases.get(geometry, each[0])
         if not (programs := menu(aperture, min(holds_to, *each))):
             continue
-        records = [planned_record(fitter, geometry, one, holds_to, late_s) for one in programs]
+        off = errors_there.get(geometry)
+        if off is None:
+            skin = tied[0].unknowns.skin(tied[0].u)
+            off = fitter.domes.seen_errors(SkinProblem(geometry, skin))
+        records = [planned_record(fitter, geometry, one, holds_to, late_s, off) for one in programs]
         seen = [expected(fitter, fit, records) for fit in tied]
         held = [one for one in seen if one is not None]
         if len(held) < len(tied):

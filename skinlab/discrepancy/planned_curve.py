@@ -25,6 +25,7 @@ from skinlab.inference.error_choice import Node
 from skinlab.inference.noise import MESH_REST, slope_mm_per_mbar
 from skinlab.mechanics.effects.regulator_lag import RegulatorLag
 from skinlab.mechanics.fem.suction import Geometry
+from skinlab.tables.model_errors import SeenErrors
 
 Array = NDArray[np.float64]
 
@@ -114,7 +115,12 @@ def rig_lag_s(records: Sequence[Record]) -> float:
 
 
 def planned_record(
-    fitter: Fitter, at: Geometry, program_text: str, creases_mbar: float, late_s: float
+    fitter: Fitter,
+    at: Geometry,
+    program_text: str,
+    creases_mbar: float,
+    late_s: float,
+    table_errors: SeenErrors | None = None,
 ) -> Record:
     """Return a record that was not measured, with the campaign's rate and noise."""
     like = fitter.records[0]
@@ -126,8 +132,9 @@ def planned_record(
     pressure = path(time)
     curve = Curve(f"planned, {at.aperture_mm:g} mm", setup, time, pressure, np.zeros(len(time)))
     return Record(
-        curve, at, path, pressure, like.pressure_sd_mbar, like.noise_um, creases_mbar=creases_mbar
-    )
+        curve, at, path, pressure, like.pressure_sd_mbar, like.noise_um, creases_mbar=creases_mbar,
+        table_errors=table_errors,
+    )  # fmt: skip
 
 
 def expected(

@@ -26,6 +26,7 @@ from skinlab.inference.pressure_course import smooth_course
 from skinlab.inference.samples import alike, placements_of
 from skinlab.mechanics.effects.regulator_lag import RegulatorLag
 from skinlab.mechanics.fem.suction import Geometry
+from skinlab.tables.model_errors import SeenErrors
 
 Array = NDArray[np.float64]
 
@@ -52,6 +53,7 @@ class Record:
     noisier: Array | float = 1.0  # (n,) by this factor: about a jump fewer are averaged
     thickness_sd_mm: float = 0.0  # as stated
     creases_mbar: float = math.inf  # from where on the model's skin has no dome of its own
+    table_errors: SeenErrors | None = None  # of its opening, along suctions; None: not known
     bend_mm: Array | float = 0.0  # (n,) of its placement, beyond slopes: see `placement_curves`
     off_path_mm: Array | float = 0.0  # (n,) what noise off the path does: see `Fitter.on_paths`
 

@@ -563,7 +563,15 @@ def _no_larger(own: ErrorChoice, told: ErrorChoice) -> bool:
 
 
 def creased(records: Sequence[Record], fit: Fit, domes: TableDomes) -> list[Record]:
-    """Return the records with the suctions at which the skin of a fit creases."""
+    """Return the records with how the table errs for the skin of a fit.
+
+    From which suction on it creases, and by how much the table was off between its nodes.
+    """
     skin = fit.unknowns.skin(fit.u)
-    known = {r.geometry: domes.creases_mbar(SkinProblem(r.geometry, skin)) for r in records}
-    return [replace(r, creases_mbar=known[r.geometry]) for r in records]
+    problems = {r.geometry: SkinProblem(r.geometry, skin) for r in records}
+    known = {g: (domes.creases_mbar(one), domes.seen_errors(one)) for g, one in problems.items()}
+    found = []
+    for r in records:
+        creases_mbar, seen = known[r.geometry]
+        found.append(replace(r, creases_mbar=creases_mbar, table_errors=seen))
+    return found

@@ -15,6 +15,7 @@ from skinlab.mechanics.fem import kernel
 from skinlab.mechanics.fem.skin import Prony, SkinProblem
 from skinlab.mechanics.fem.suction import MBAR
 from skinlab.tables.base import Database
+from skinlab.tables.model_errors import SeenErrors
 
 Array = NDArray[np.float64]
 
@@ -130,6 +131,18 @@ class TableDomes:
         top = np.array([[_HIGHEST_MBAR]]) * MBAR / values[:, :1]
         _, holds_to = curves(values, thickness, top)
         return float(holds_to[0] * values[0, 0] / MBAR)
+
+    def seen_errors(self, problem: SkinProblem) -> SeenErrors | None:
+        """Return by how much the table was off between its nodes, along suctions; None: not known.
+
+        At the plain skin's stiffness, and for its thickness.
+        """
+        known = self._database.any_geometry(problem.skin.kappa).seen_errors
+        if known is None:
+            return None
+        geometry = problem.geometry
+        seen = known(geometry.thickness_mm / geometry.radius_mm)
+        return seen.scaled(problem.skin.values[0] / MBAR)
 
 
 @dataclass(frozen=True, eq=False)

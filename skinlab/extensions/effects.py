@@ -13,6 +13,7 @@ from skinlab.errors import InputError
 from skinlab.extensions.rules import Kind, expect
 from skinlab.mechanics.effects import EFFECTS, Effect, Parameter
 from skinlab.mechanics.effects.base import Array, Values
+from skinlab.mechanics.effects.history import shows_history
 from skinlab.mechanics.effects.model import problem_of, response
 from skinlab.mechanics.fem.element import QUAD8_FULL
 from skinlab.mechanics.fem.skin import Skin, prepare
@@ -111,6 +112,13 @@ def what_it_cannot_be_is_refused(effect: Effect) -> None:
             expect(False, f"{values} is not refused")
 
 
+def it_depends_on_the_suction_alone_where_it_says_so(effect: Effect) -> None:
+    """Where it says that it needs no history, what it does depends on the suction alone."""
+    if not effect.needs_history:
+        shown = shows_history(effect)
+        expect(not shown, "needs_history is False, and it depends on time, rate, way or cycle")
+
+
 def the_screening_mesh_sees_it(effect: Effect) -> None:
     """The mesh that effects are screened on sees what it does to within 1 %."""
 
@@ -198,6 +206,7 @@ KIND = Kind(
         at_its_zero_it_is_not_there,
         more_of_it_does_more,
         what_it_cannot_be_is_refused,
+        it_depends_on_the_suction_alone_where_it_says_so,
         the_screening_mesh_sees_it,
         the_tangent_is_exact,
     ),

@@ -154,7 +154,9 @@ class Model(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     @property
     def needs_history(self) -> bool:
         """Whether an effect depends on time or cycle."""
-        return any(get_effect(name).needs_history for name in self.effects)
+        from skinlab.mechanics.effects.history import depends_on_history
+
+        return any(depends_on_history(get_effect(name)) for name in self.effects)
 
     def normal_priors(self, space: Space) -> list[tuple[int, float, float]]:
         """Return what is known of a space's parameters beforehand: number, mean and sd of each."""

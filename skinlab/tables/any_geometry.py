@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from skinlab.mechanics.fem import kernel
 from skinlab.tables.axes import TableAxis
+from skinlab.tables.model_errors import SeenErrors
 from skinlab.tables.splines import TensorBSpline, local_basis
 
 Array = NDArray[np.float64]
@@ -26,7 +27,7 @@ class AnyGeometry:
     `axes` are those of log h/R and of the law's parameters but the scale; `log_holds` is the
     logarithm of the load to which they hold, linear between the nodes. `load_knots` are those of
     the cubic spline along `coordinate(q, h/R)`, whose coefficients (n1, …, nd, k) `log_compliance`
-    interpolates.
+    interpolates. `seen_errors` is by how much it was off along q, by h/R; None: not measured.
     """
 
     axes: Sequence[TableAxis]
@@ -34,6 +35,7 @@ class AnyGeometry:
     log_holds: TensorBSpline
     load_knots: Array
     coordinate: Callable[[Array, Array], Array]
+    seen_errors: Callable[[float], SeenErrors] | None = None
 
     def __call__(self, parameters: Array, thickness: Array, load: Array) -> tuple[Array, Array]:
         """Return w/R (n, m) and the loads (n,) up to which these are answers, 0 outside.

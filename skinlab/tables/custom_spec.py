@@ -31,6 +31,7 @@ from skinlab.tables.axes import AxisRange, Spacing, TableAxis, axis_of
 from skinlab.tables.evaluator import Evaluator, tensor_spline
 from skinlab.tables.extrapolate import fill_curves
 from skinlab.tables.meshes import MESHES
+from skinlab.tables.model_errors import interpolation_shapes
 from skinlab.tables.settings import INTERPOLATION, NODES, VERIFY
 from skinlab.tables.svd_basis import chosen, components
 from skinlab.tables.table import Asked, Dataset, Table
@@ -38,6 +39,10 @@ from skinlab.tables.table import Asked, Dataset, Table
 Array = NDArray[np.float64]
 
 _ERRORS, _GOES_ON = "interpolation_error", "goes_on_to"
+_OF_TIME = (
+    "effects of its model depend on time or cycle, so that it holds along one program; one that "
+    "was built without is to be built again"
+)
 _CURVES = (("deflection_mm", "mm"), ("slope_mm_per_mbar", "mm/mbar"))
 
 
@@ -337,7 +342,7 @@ class CustomSpec(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
             table.holds_to,
             np.minimum(along, end),
             goes_on_to=table.extra.get(_GOES_ON),
-            errors_mm=_error_shapes(operator @ errors.T, along / end),
+            errors_mm=interpolation_shapes(operator @ errors.T, along / end),
         )
 
     def _check(self, geometry: Geometry, thickness_sd_mm: float) -> None:
@@ -376,18 +381,22 @@ class CustomSpec(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         )
         short = int((table.holds_to < abscissa.nodes[-1]).sum())
         lines.append(f"{self.entries} curves, {short} of them hold to less than the end")
-        errors = table.extra[_ERRORS][:, : len(abscissa.nodes)]
-        rms_um = 1e3 * np.sqrt(np.mean(errors**2, axis=1))
-        lines.append(
-            f"between the nodes off by {np.median(rms_um):.2g} µm rms, at worst "
-            f"{rms_um.max():.2g} µm ({len(rms_um)} points compared with finite elements)"
-        )
+        lines.append(self.between(table))
         said = model.provenance
         if said.verdict:
             origin = f", from {', '.join(said.data)}" if said.data else ""
             lines.append(f"adopted {said.date}, verdict {said.verdict}{origin}")
         built = ", ".join(f"{name} {v}" for name, v in sorted(table.facts["versions"].items()))
         return [*lines, f"built with {built}"]
+
+    def between(self, table: Table) -> str:
+        """Return how far it is off between its nodes, in words."""
+        errors = table.extra[_ERRORS][:, : len(self.abscissa.nodes)]
+        rms_um = 1e3 * np.sqrt(np.mean(errors**2, axis=1))
+        return (
+            f"between the nodes off by {np.median(rms_um):.2g} µm rms, at worst "
+            f"{rms_um.max():.2g} µm ({len(rms_um)} points compared with finite elements)"
+        )
 
     # ---- files ----
 
@@ -445,6 +454,8 @@ class CustomSpec(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         versions = msgspec.json.decode(str(file.attrs["versions"]), type=dict[str, str])
         abscissa = spec.abscissa
         curves = [file[name][:] for name, _ in _CURVES if name in file]
+        if f"holds_to_{abscissa.unit}" not in file:
+            raise InputError(f"its curves are not along {abscissa.unit}: {_OF_TIME}")
         holds_to = file[f"holds_to_{abscissa.unit}"][:]
         errors = file[_ERRORS][:]
         shapes = [(*spec.shape, len(abscissa.nodes))] * (abscissa.width // len(abscissa.nodes))
@@ -549,6 +560,8 @@ def checked_spec(spec: CustomSpec) -> CustomSpec:
             check(value)
         except InputError as error:
             raise InputError(f"measurement.{key}: {error}") from None
+    if spec.has_history and at.program is None:
+        raise InputError(f"measurement.program is missing: {_OF_TIME}")
     if not 1 <= at.cycle <= 100:
         raise InputError(f"measurement.cycle is {at.cycle}: expected 1 to 100")
     if at.program is not None:
@@ -575,18 +588,3 @@ def _check_corners(spec: CustomSpec) -> None:
 def _first_lost(held: NDArray[np.bool_]) -> NDArray[np.int_]:
     """Return how many nodes (m,) come before the first that is not held, of (m, n)."""
     return np.asarray(np.where(held.all(axis=1), held.shape[1], np.argmin(held, axis=1)))
-
-
-def _error_shapes(errors: Array, along: Array) -> Array:
-    """Return shapes (u, m) of the interpolation's error, each as large as its standard deviation.
-
-    `errors` (u, c) are those that were seen, `along` (u,) is 0 to 1. Those alone would say that no
-    other shape can be: half of the variance goes to continuous shapes of the same size.
-    """
-    size = np.sqrt(np.mean(errors**2, axis=1))
-    knots = np.linspace(0.0, 1.0, INTERPOLATION.knots)
-    together = np.exp(-np.abs(knots[:, None] - knots) / INTERPOLATION.reach)
-    hats = np.maximum(0.0, 1.0 - np.abs(along[:, None] - knots) * (INTERPOLATION.knots - 1))
-    any_shape = size[:, None] * (hats @ np.linalg.cholesky(together))
-    both = np.hstack([errors / np.sqrt(errors.shape[1]), any_shape])
-    return np.asarray(np.sqrt(0.5) * both)

@@ -18,7 +18,7 @@ between which it is a cubic spline.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from typing import Any, ClassVar, Literal
@@ -49,7 +49,8 @@ from skinlab.tables.axes import Coordinate, TableAxis
 from skinlab.tables.evaluator import Evaluator, tensor_spline
 from skinlab.tables.extrapolate import fill_ratios
 from skinlab.tables.meshes import MESHES
-from skinlab.tables.settings import CURVE, VERIFY
+from skinlab.tables.model_errors import SeenErrors
+from skinlab.tables.settings import CURVE, INTERPOLATION, VERIFY
 from skinlab.tables.splines import (
     TensorBSpline,
     basis,
@@ -64,8 +65,12 @@ from skinlab.tables.table import Asked, Dataset, Table, plain_point
 Array = NDArray[np.float64]
 
 _GOES_ON = "goes_on_to_load"
+_ERRORS = "interpolation_error"
 _BLUNT = BLUNT_MESHES[1]  # does not crease where a soft surface does, and is cheap
 
+NOT_MEASURED = (
+    "how far it is off between the nodes was not measured, and is in no interval: build it again"
+)
 THICKNESS = "thickness_over_radius"
 # κ/(μ/2) for ν of 0 to 0.499 in both conventions. Below 2.66 only `consistent` has skins. Close
 # together where curves bend; towards incompressibility they hardly do.
@@ -225,8 +230,30 @@ class DimensionlessSpec:
 
     @property
     def rows(self) -> tuple[int, int]:
-        """Rows, and numbers in each: log compliances, the q to which it holds, and goes on."""
-        return self.entries, self.load_nodes + 2
+        """Rows, the check points behind those of the grid, and numbers in each.
+
+        These are log compliances, the q to which it holds, and goes on.
+        """
+        return self.entries + INTERPOLATION.checks_any, self.load_nodes + 2
+
+    def node(self, entry: int) -> Array:
+        """Return the coordinates of the entry with this flat number."""
+        at = np.unravel_index(entry, self.shape)
+        return np.array([a.coordinates()[i] for (_, a), i in zip(self.axis, at, strict=True)])
+
+    def check_points(self) -> Array:
+        """Return the coordinates (m, d) at which the interpolation is checked: any cell, alike."""
+        share = np.random.default_rng(0).random((INTERPOLATION.checks_any, len(self.axis)))
+        columns = []
+        for (_, axis), u in zip(self.axis, share.T, strict=True):
+            cells = np.arange(axis.nodes)
+            columns.append(np.interp(u * (axis.nodes - 1), cells, axis.coordinates()))
+        return np.stack(columns, axis=1)
+
+    def check_coordinates(self) -> Array:
+        """Return where along the load: half-way between its nodes, the last beyond them all."""
+        nodes = self.load_coordinates()
+        return np.asarray(nodes + 0.5 * (nodes[1] - nodes[0]))
 
     def row(self, entry: int) -> Array:
         """Return one entry: log compliance (load,); the q to which it holds, and goes on.
@@ -235,9 +262,11 @@ class DimensionlessSpec:
         with a blunter edge, moved to meet the curve there; NaN beyond the end of that.
         """
         law = get_law(self.law)
-        at = np.unravel_index(entry, self.shape)
+        between = entry - self.entries
+        at = self.node(entry) if between < 0 else self.check_points()[between]
+        coordinates = self.load_coordinates() if between < 0 else self.check_coordinates()
         thickness, *others = (
-            axis.value(axis.coordinates()[i]) for (_, axis), i in zip(self.axis, at, strict=True)
+            axis.value(x) for (_, axis), x in zip(self.axis, at.tolist(), strict=True)
         )
         values, ratio = {law.scale: 1.0}, None
         for parameter, value in zip(law.parameters[1:], others, strict=True):
@@ -263,7 +292,7 @@ class DimensionlessSpec:
                 f"{law.plugin or f'law {self.law!r}'}: it does not hold for any suction where "
                 + ", ".join(f"{name} is {value:g}" for name, value in where)
             )
-        load = self.load(self.load_coordinates(), thickness)
+        load = self.load(coordinates, thickness)
         holds_to = curve.holds_to_mbar * MBAR
         row = _log_secant(
             curve, np.where((load >= self.least_load) & (load <= holds_to), load, np.nan)
@@ -277,18 +306,54 @@ class DimensionlessSpec:
         goes_to = max(blunt.holds_to_mbar * MBAR, holds_to)
         beyond = (load > holds_to) & (load <= goes_to)
         if beyond.any():
-            ends = np.array([holds_to])
             row[beyond] = _log_secant(blunt, load[beyond])
-            row[beyond] += _log_secant(curve, ends) - _log_secant(blunt, ends)
+            if between < 0:
+                ends = np.array([holds_to])
+                row[beyond] += _log_secant(curve, ends) - _log_secant(blunt, ends)
+            else:  # by a length, as where finite elements answer: how is not known
+                moved = float(curve.spline(holds_to / MBAR) - blunt.spline(holds_to / MBAR))
+                row[beyond] = np.log(np.exp(row[beyond]) + moved / load[beyond])
         return np.append(row, [holds_to, goes_to])
 
     def table(self, rows: Array, solver_version: str, versions: dict[str, str]) -> Table:
         """Return the table made of all rows."""
         del versions
+        rows, computed = rows[: self.entries], rows[self.entries :, :-2]
         compliance = rows[:, :-2].reshape(*self.shape, -1)
         filled = fill_ratios(compliance, self.load_coordinates()).astype(np.float32)
         holds, goes_on = (np.ascontiguousarray(at).reshape(self.shape) for at in rows[:, -2:].T)
-        return Table(self, filled, holds, self.mesh_name, solver_version, extra={_GOES_ON: goes_on})
+        extra = {_GOES_ON: goes_on}
+        table = Table(self, filled, holds, self.mesh_name, solver_version, extra=extra)
+        errors = self._errors(table, computed)
+        return replace(table, extra={**extra, _ERRORS: errors})
+
+    def _errors(self, table: Table, computed: Array) -> Array:
+        """Return interpolated less computed log compliances (m, load); beyond the end, the last.
+
+        The end is where the check point or a corner of its cell does not go on. Interpolated as an
+        `Evaluator` does, along the ratios in w itself.
+        """
+        points, at = self.check_points(), self.check_coordinates()
+        errors = np.stack([self._between(table, point, at) for point in points]) - computed
+        axes = [axis.coordinates() for _, axis in self.axis]
+        for error, point in zip(errors, points, strict=True):
+            cell = [
+                int(np.clip(np.searchsorted(nodes, x, side="right") - 1, 0, len(nodes) - 2))
+                for nodes, x in zip(axes, point, strict=True)
+            ]
+            corners = table.extra[_GOES_ON][tuple(slice(i, i + 2) for i in cell)]
+            load = self.load(at, self.thickness.value(float(point[0])))
+            held = np.flatnonzero((load <= corners.min()) & np.isfinite(error))
+            error[:] = np.interp(np.arange(len(at)), held, error[held]) if len(held) else 0.0
+        return np.asarray(errors)
+
+    def _between(self, table: Table, point: Array, coordinates: Array) -> Array:
+        """Return log compliances (u,) at a point (d,) of the axes and coordinates (u,) of loads."""
+        load = self.load(coordinates, self.thickness.value(float(point[0])))
+        curves = self._tabulate(table, float(point[0]), load / MBAR, np.zeros(1), 1.0)[0]
+        axes = self._axes("paper")[1:]
+        grid = curves.T.reshape(*self.shape[1:], -1)
+        return np.asarray(np.log(tensor_spline(axes, grid)(point[None, 1:])[0] / load))
 
     def difference(self, table: Table, entry: int) -> str:
         """Compute an entry again; return how it differs in a sentence, or ''."""
@@ -398,8 +463,25 @@ class DimensionlessSpec:
             self._at(table.holds_to, thicknesses),
             asked.pressure_mbar,
             load_mbar=1.0 / MBAR,
+            relative_errors=self._relative_errors(table, asked),
             goes_on_to=self._at(table.extra.get(_GOES_ON, table.holds_to), thicknesses),
         )
+
+    def _seen_errors(self, table: Table) -> Callable[[float], SeenErrors] | None:
+        """Return by how much it was off along q, by h/R; None: that was not measured."""
+        if _ERRORS not in table.extra:
+            return None
+        at, shares = self.check_coordinates(), table.extra[_ERRORS]
+        return lambda thickness: SeenErrors(self.load(at, thickness), shares)
+
+    def _relative_errors(self, table: Table, asked: Asked) -> Callable[[float], Array] | None:
+        """Return the shapes (u, m) of the interpolation's error by the scale; None: not known."""
+        by_thickness = self._seen_errors(table)
+        if by_thickness is None:
+            return None
+        seen = by_thickness(asked.geometry.thickness_mm / asked.geometry.radius_mm)
+        load = asked.pressure_mbar * MBAR
+        return lambda scale: seen.shapes(load / scale)
 
     def any_geometry(self, table: Table, kappa: KappaConvention) -> AnyGeometry:
         """See `Table.any_geometry`."""
@@ -414,6 +496,7 @@ class DimensionlessSpec:
             ),
             knots(self.load_coordinates()),
             self.coordinate,
+            self._seen_errors(table),
         )
 
     def _axes(self, kappa: KappaConvention) -> list[TableAxis]:
@@ -508,7 +591,18 @@ class DimensionlessSpec:
             f"{self.entries} curves; half of them hold to p/{scale.label} = {median:.3g} or more "
             f"({median * shown / MBAR:.0f} mbar at {scale.label} {shown:.3g} {scale.unit})"
         )
-        return lines
+        said = self.between(table)
+        return [*lines, said] if said else lines
+
+    def between(self, table: Table) -> str:
+        """Return how far it is off between its nodes, in words; '' of the one that ships."""
+        if _ERRORS in table.extra:
+            rms = 100.0 * np.sqrt(np.mean(table.extra[_ERRORS] ** 2, axis=1))
+            return (
+                f"between the nodes off by {np.median(rms):.2g} % of the deflection rms, at worst "
+                f"{rms.max():.2g} % ({len(rms)} points compared with finite elements)"
+            )
+        return "" if table.path is None else NOT_MEASURED
 
     # ---- files ----
 
@@ -579,7 +673,8 @@ class DimensionlessSpec:
             str(attrs["mesh"]),
             str(attrs["solver_version"]),
             # Tables built before ended where the skin creases.
-            extra={_GOES_ON: file[_GOES_ON][:]} if _GOES_ON in file else {},
+            # Those and the one that ships have not measured how far they are off between the nodes.
+            extra={name: file[name][:] for name in (_GOES_ON, _ERRORS) if name in file},
         )
 
 

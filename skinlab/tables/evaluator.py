@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from copy import copy
 from typing import Protocol
 
@@ -59,6 +59,7 @@ class Evaluator:
         load_mbar: float | None = None,
         goes_on_to: Array | None = None,
         errors_mm: Array | None = None,
+        relative_errors: Callable[[float], Array] | None = None,
     ) -> None:
         """Prepare.
 
@@ -67,7 +68,8 @@ class Evaluator:
         `along` (u,) where the samples are, all along what the table holds its curves. With
         `load_mbar` the last are in mbar, and the first two (n2, …, nd), which do not depend on the
         law's scale, are per unit of `load_mbar` times that.
-        `errors_mm` (u, m) are shapes in which the curves err as a whole.
+        `errors_mm` (u, m) are shapes in which the curves err as a whole; `relative_errors` gives
+        those of a candidate by its scale, as shares of its deflection.
         """
         self.space = space
         self._axes, self._tensor, self.basis = tuple(axes), tensor, basis
@@ -84,6 +86,7 @@ class Evaluator:
         self._along, self._load_mbar = along, load_mbar
         self._top = max(float(along.max(initial=0.0)), 1e-8)
         self._errors = np.zeros((len(basis), 0)) if errors_mm is None else errors_mm
+        self._relative_errors = relative_errors
         self._placed: tuple[bytes, tuple[Array, Array]] = (b"", (np.empty(0), np.empty(0)))
 
     def ended(self) -> Evaluator:
@@ -162,6 +165,8 @@ class Evaluator:
         points, reach = self._points(parameters[None])
         deflection = self._tensor(points)[0] @ self.basis.T
         relative = crease_shapes(self._along / max(float(reach[0, 0]), _NOTHING))
+        if self._relative_errors is not None:
+            relative = np.hstack([relative, self._relative_errors(float(parameters[0]))])
         return np.hstack([self._errors, deflection[:, None] * relative])
 
     def locking(self, parameters: Array) -> Array:

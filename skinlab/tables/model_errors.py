@@ -1,13 +1,18 @@
-"""Where the mesh of record itself errs, as shares of the deflection: near a crease, and by locking.
+"""Where a table errs: its mesh near a crease and by locking, its interpolation between nodes.
 
-Measured by `python benchmarks/model_error.py --law-range`, against meshes that are finer and that
-cannot lock (docs/decisions/0022-going-on-near-creases.md).
+Those of the mesh of record are shares of the deflection, measured by
+`python benchmarks/model_error.py --law-range`, against meshes that are finer and that cannot lock
+(docs/decisions/0022-going-on-near-creases.md).
 """
 
 from __future__ import annotations
 
+from dataclasses import dataclass, replace
+
 import numpy as np
 from numpy.typing import NDArray
+
+from skinlab.tables.settings import INTERPOLATION
 
 Array = NDArray[np.float64]
 
@@ -35,6 +40,39 @@ def crease_shapes(share: Array) -> Array:
 def locking(kappa_ratio: Array) -> Array:
     """Return the standard deviation (n,) at κ/(μ/2), as a share of the deflection."""
     return np.asarray(LOCKING * np.sqrt(kappa_ratio))
+
+
+@dataclass(frozen=True, eq=False)
+class SeenErrors:
+    """By how much a table was off where it was tried, along loads or suctions (m,)."""
+
+    at: Array
+    shares: Array  # (c, m) of the deflection
+
+    def scaled(self, factor: float) -> SeenErrors:
+        """Return the same along other units, `factor` times as large."""
+        return replace(self, at=factor * self.at)
+
+    def shapes(self, at: Array) -> Array:
+        """Return shapes (u, m), shares of the deflection, of a curve at these places (u,)."""
+        seen = np.stack([np.interp(at, self.at, one) for one in self.shares], axis=1)
+        top = max(float(at.max(initial=0.0)), 1e-12)
+        return interpolation_shapes(seen, np.clip(at / top, 0.0, 1.0))
+
+
+def interpolation_shapes(errors: Array, along: Array) -> Array:
+    """Return shapes (u, m) of the interpolation's error, each as large as its standard deviation.
+
+    `errors` (u, c) are those that were seen, `along` (u,) is 0 to 1. Those alone would say that no
+    other shape can be: half of the variance goes to continuous shapes of the same size.
+    """
+    size = np.sqrt(np.mean(errors**2, axis=1))
+    knots = np.linspace(0.0, 1.0, INTERPOLATION.knots)
+    together = np.exp(-np.abs(knots[:, None] - knots) / INTERPOLATION.reach)
+    hats = np.maximum(0.0, 1.0 - np.abs(along[:, None] - knots) * (INTERPOLATION.knots - 1))
+    any_shape = size[:, None] * (hats @ np.linalg.cholesky(together))
+    both = np.hstack([errors / np.sqrt(errors.shape[1]), any_shape])
+    return np.asarray(np.sqrt(0.5) * both)
 
 
 def _smooth(x: Array) -> Array:

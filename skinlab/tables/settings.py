@@ -73,6 +73,8 @@ class InterpolationRules:
     """of the paper's grid, whose part in all curves together is."""
     checks: int = 12
     """Points at which a custom table is compared with finite elements,"""
+    checks_any: int = 24
+    """and one of every opening, which has more axes to be coarse along,"""
     knots: int = 17
     """knots of other shapes of that error,"""
     reach: float = 0.25

@@ -143,6 +143,10 @@ class Spec(Protocol):
         """Return what is in it, in a few lines."""
         ...
 
+    def between(self, table: Table) -> str:
+        """Return how far it is off between its nodes, in words; '' where it does not say."""
+        ...
+
     # ---- files ----
 
     def head(self, table: Table) -> str:

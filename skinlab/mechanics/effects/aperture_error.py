@@ -25,6 +25,7 @@ class ApertureError(Effect):
     formula = "aperture = ratio × the stated one; `ratio2`, … where another opening differs"
     source = "dimensions of exchangeable heads: wear, glue and skin at the rim"
     physical = True
+    needs_history = False
     parameters = tuple(
         Parameter(
             _name(a), "", f"true over stated of the {a:g} mm opening; 1 is right", 0.8, 1.25,

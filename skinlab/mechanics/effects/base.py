@@ -32,8 +32,9 @@ Effects = Mapping[str, Values]  # by the names of effects, then of parameters
 class Effect:
     """One effect; subclasses declare what it is and override what it does.
 
-    `needs_history`: it shows in rate, hold, unloading or later cycles, so that fitting the first
-    loading alone would waste what tells it.
+    `needs_history`: it shows in rate, hold, unloading or later cycles. Fitting the first loading
+    alone would waste what tells it, and a table of it holds along one program. False of what
+    depends on the suction alone; such effects are tried (`history.py`).
     """
 
     name: ClassVar[str]
@@ -42,7 +43,7 @@ class Effect:
     parameters: ClassVar[tuple[Parameter, ...]]
     source: ClassVar[str]
     physical: ClassVar[bool]
-    needs_history: ClassVar[bool] = False
+    needs_history: ClassVar[bool] = True
     bends: ClassVar[bool] = False  # `felt` bends each reading, and so its noise
 
     def change(self, problem: SkinProblem, values: Values, cycle: int) -> SkinProblem:

@@ -13,7 +13,6 @@ class BaselineDrift(Effect):
     formula = "w + drift × (t − t of the first sample)"
     source = "temperature and creep of the holder"
     physical = False
-    needs_history = True
     order = 3
     parameters = (
         Parameter(

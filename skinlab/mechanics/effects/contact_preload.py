@@ -16,6 +16,7 @@ class ContactPreload(Effect):
     formula = "w(p + p0) − w(p0); where stress relaxes, it has relaxed at p0"
     source = "Müller et al. 2018: contact force is the main source of scatter"
     physical = True
+    needs_history = False
     parameters = (
         Parameter(
             "p0_mbar", "mbar", "the suction that would have domed it as much", 0.0, 100.0, 0.0, 5.0,

@@ -13,6 +13,7 @@ class DeflectionGain(Effect):
     formula = "gain × w"
     source = "calibration of the optical deflection channel"
     physical = False
+    needs_history = False
     order = 1
     parameters = (
         Parameter(

@@ -13,6 +13,7 @@ class DeflectionOffset(Effect):
     formula = "w + offset, at all samples"
     source = "zero of the optical deflection channel"
     physical = False
+    needs_history = False
     order = 2
     parameters = (
         Parameter(

@@ -22,7 +22,6 @@ class FrictionLoop(Effect):
     source = "play operator: Visintin 1994, Differential Models of Hysteresis, III.2"
     physical = True
     order = 2
-    needs_history = True
     parameters = (
         Parameter(
             "share", "", "half the width of the loop, a share of the suction", 0.0, 0.5, 0.0,

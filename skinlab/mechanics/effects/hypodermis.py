@@ -19,6 +19,7 @@ class Hypodermis(Effect):
     formula = "bonded neo-Hookean layer (X2 = 0, ν = 0.45), its base held"
     source = "suction and indentation studies that put a layer of fat under the dermis"
     physical = True
+    needs_history = False
     curved = True
     parameters = (
         Parameter(

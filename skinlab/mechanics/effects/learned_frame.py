@@ -34,6 +34,7 @@ class LearnedFrame(LearnedEffect):
     )
     source = "compliance of instruments; Gaussian process"
     physical = False
+    needs_history = False
     range_name = "span_mbar"
     parameters = (
         *nearly_line("µm", 300.0, 40.0, _BENT),

@@ -22,7 +22,6 @@ class LearnedHistory(LearnedEffect):
     formula = "W × exp(Σ c_k sin((k − ½) π x)), x = log(cycle) / log(10)"
     source = "Abbas et al. 2021: cycles differ; Gaussian process"
     physical = True
-    needs_history = True
     parameters = coefficients(4, "", 1.5, 0.1)
     x_name = "cycle"
     y_name = "stiffness_over_first"

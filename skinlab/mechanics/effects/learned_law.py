@@ -56,6 +56,7 @@ class LearnedLaw(LearnedEffect):
     formula = "dW/dJ1 + (μ/2) Σ c_k x²/√(1 + x²), x = (J1 − 3)/a_k, a of 0.003, 0.01, 0.03, 0.1"
     source = "laws of soft tissue differ in how stiffness grows with stretch"
     physical = True
+    needs_history = False
     parameters = tuple(
         Parameter(
             f"c{k}", "", f"of the shape that bends at {a:g}, in the stiffness at rest", -20.0, 20.0,

@@ -29,7 +29,6 @@ class LearnedLoop(LearnedEffect):
     physical = True
     bends = True
     order = 2
-    needs_history = True
     parameters = (
         *coefficients(_SHAPES, "", 1.0, 0.05),
         *(replace(p, name=f"d{k}_mbar") for k, p in enumerate(

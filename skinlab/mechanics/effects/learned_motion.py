@@ -25,7 +25,6 @@ class LearnedMotion(LearnedEffect):
     formula = "w + Σ s_k sin(2π k f t) + c_k cos(2π k f t), t from the curve's first sample"
     source = "pulse and breathing; Fourier series with a phase of its own for each curve"
     physical = False
-    needs_history = True
     own_of_each = True
     range_name = "frequency_hz"
     harmonics = 1

@@ -23,6 +23,7 @@ class LearnedOpening(LearnedEffect):
     formula = "W × exp(c1 x + c2 x² + c3 x³), x = log2(aperture / 4 mm)"
     source = "published stiffness depends on the probe's opening: Diridollou et al. 2000"
     physical = True
+    needs_history = False
     parameters = tuple(
         Parameter(
             f"c{k}", "", f"of power {k} of the opening's logarithm", -2.0, 2.0, 0.0,

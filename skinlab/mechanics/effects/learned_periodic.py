@@ -31,7 +31,6 @@ class LearnedPeriodic(LearnedEffect):
     formula = "w + Σ s_k sin(2π k f t) + c_k cos(2π k f t), t from the curve's first sample"
     source = "vibration of pump and regulator; Fourier series"
     physical = False
-    needs_history = True
     range_name = "frequency_hz"
     parameters = (
         *(

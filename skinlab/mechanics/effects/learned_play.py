@@ -29,7 +29,6 @@ class LearnedPlay(LearnedEffect):
     physical = True
     bends = True
     order = 2
-    needs_history = True
     parameters = tuple(
         Parameter(
             f"c{k}", "", f"weight of the play of half-width {r:g} mbar", -3.0, 3.0, 0.0, 0.2,

@@ -27,6 +27,7 @@ class LearnedPressureCurve(LearnedEffect):
     formula = "p + Σ c_k sin((k − ½) π x), x = arsinh(p/20 mbar) / arsinh(span/20 mbar)"
     source = "characteristic curves of pressure sensors; Gaussian process"
     physical = True
+    needs_history = False
     bends = True
     order = 1
     range_name = "span_mbar"

@@ -31,7 +31,6 @@ class LearnedPressureDrift(LearnedEffect):
     formula = "p + c1 t/span + Σ c_k sin((k − 3/2) π t/span), k from 2 on"
     source = "drift of pressure sensors; Gaussian process"
     physical = True
-    needs_history = True
     order = 1
     range_name = "span_s"
     parameters = (

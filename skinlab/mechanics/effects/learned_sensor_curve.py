@@ -24,6 +24,7 @@ class LearnedSensorCurve(LearnedEffect):
     formula = "w + Σ c_k sin((k − ½) π w/span)"
     source = "characteristic curves of optical distance sensors; Gaussian process"
     physical = False
+    needs_history = False
     range_name = "span_mm"
     parameters = (
         *coefficients(6, "µm", 300.0, 10.0),

@@ -23,7 +23,6 @@ class LearnedSensorLoop(LearnedEffect):
     formula = "after the highest dome w + top Σ c_k sin((k − ½) π (1 − w/top))"
     source = "hysteresis of skin and of sensors; Gaussian process"
     physical = False
-    needs_history = True
     parameters = tuple(replace(p, name=f"c{k}") for k, p in enumerate(
         coefficients(6, "", 0.5, 0.01), start=1
     ))  # fmt: skip

@@ -23,6 +23,7 @@ class LearnedSensorRange(LearnedEffect):
     formula = "w + top Σ c_k sin((k − ½) π w/top), top the highest dome of the curve"
     source = "characteristic curves and clipping of sensors with ranges; Gaussian process"
     physical = False
+    needs_history = False
     parameters = tuple(replace(p, name=f"c{k}") for k, p in enumerate(
         coefficients(6, "", 0.5, 0.01), start=1
     ))  # fmt: skip

@@ -26,7 +26,6 @@ class LearnedTime(LearnedEffect):
     formula = "S_vol + (1 − Σg) S_iso + Σ g H, dH/dt + H/τ = dS_iso/dt, τ of 0.1 to 62.5 s"
     source = "relaxation spectra of soft tissue: Fung 1993, Biomechanics, 7.6"
     physical = True
-    needs_history = True
     parameters = tuple(
         Parameter(
             f"g{k}", "", f"share of the stress that relaxes in {tau:g} s", 0.0, 0.6, 0.0, 0.05,

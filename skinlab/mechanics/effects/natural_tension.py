@@ -18,6 +18,7 @@ class NaturalTension(Effect):
     )
     source = "Diridollou et al. 2000"
     physical = True
+    needs_history = False
     parameters = (
         Parameter(
             "stretch", "", "in the plane; 1 is none", 1.0, 1.2, 1.0, 1.03,

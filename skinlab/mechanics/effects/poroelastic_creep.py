@@ -23,7 +23,6 @@ class PoroelasticCreep(Effect):
     )
     source = "consolidation: Terzaghi 1943; Biot 1941; tissue: Mow et al. 1980"
     physical = True
-    needs_history = True
     parameters = (
         Parameter(
             "amplitude", "", "share of the stress that the fluid carries at first", 0.0, 0.9, 0.0,

@@ -17,6 +17,7 @@ class PressureGain(Effect):
     formula = "w(gain × p)"
     source = "calibration of the pressure channel; leaks between sensor and opening"
     physical = True
+    needs_history = False
     bends = True
     order = 1
     same_as = "a stiffer or softer skin: curves depend on p/X1 and X2/X1 only"

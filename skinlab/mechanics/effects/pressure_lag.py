@@ -13,7 +13,6 @@ class PressureLag(Effect):
     formula = "the deflection recorded at t is that of t − lag"
     source = "filters and multiplexing of two channels"
     physical = False
-    needs_history = True
     parameters = (
         Parameter(
             "lag_s", "s", "how much later the deflection is recorded", -1.0, 1.0, 0.0, 0.05,

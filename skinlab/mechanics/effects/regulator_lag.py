@@ -14,7 +14,6 @@ class RegulatorLag(Effect):
     formula = "tau dp_felt/dt = p − p_felt"
     source = "flow through tube and regulator: a first-order volume; 0.1–0.3 s"
     physical = True
-    needs_history = True
     parameters = (
         Parameter(
             "tau_s", "s", "time constant with which it follows", 0.0, 2.0, 0.0, 0.15,

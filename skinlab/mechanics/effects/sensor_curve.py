@@ -13,6 +13,7 @@ class SensorCurve(Effect):
     formula = "w + curvature × w (w − exact), w in mm"
     source = "characteristic curve of optical distance sensors, calibrated at 0 and one height"
     physical = False
+    needs_history = False
     parameters = (
         Parameter(
             "curvature_um", "µm", "curvature of its characteristic, over 1 mm²", -500.0, 500.0,

@@ -38,6 +38,7 @@ class StrainStiffening(Effect):
     formula = "W + X3 (J1 − 3)³"
     source = "the third power of Yeoh 1993"
     physical = True
+    needs_history = False
     parameters = (
         Parameter(
             "X3_MPa", "MPa", "of the third power", 0.0, 5000.0, 0.0, 100.0,

@@ -19,6 +19,7 @@ class SurfaceLayer(Effect):
     formula = "inside the stated thickness, neo-Hookean, ν of the base"
     source = "Sachs et al. 2021: layers above the dermis strongly influence suction"
     physical = True
+    needs_history = False
     curved = True
     # What bends is a layer of another kind than what is stretched: the third power of thickness.
     tried: ClassVar[Mapping[str, tuple[float, ...]]] = {"thickness_um": (60.0,)}

@@ -16,6 +16,7 @@ class TapeSlip(Effect):
     formula = "suction on r < R, the skin held only from R + slip on"
     source = "the tape's glue, which the paper's model takes to be rigid"
     physical = True
+    needs_history = False
     parameters = (
         Parameter(
             "slip_mm", "mm", "how far from the opening's edge it gives", 0.0, 1.0, 0.0, 0.15,

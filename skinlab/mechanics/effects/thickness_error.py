@@ -17,6 +17,7 @@ class ThicknessError(Effect):
     formula = "thickness = ratio × the stated one"
     source = "the paper takes 1 mm for all, and skin differs"
     physical = True
+    needs_history = False
     parameters = (
         Parameter(
             "ratio", "", "true over stated; 1 is right", 0.4, 2.5, 1.0, 1.1,

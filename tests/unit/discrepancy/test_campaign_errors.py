@@ -43,6 +43,7 @@ from skinlab.mechanics.effects.model import Skin, felt_path, response, solve_ski
 from skinlab.mechanics.fem.skin import SkinProblem
 from skinlab.mechanics.fem.suction import Geometry
 from skinlab.mechanics.model_file import BASE
+from skinlab.tables.model_errors import SeenErrors
 
 SKIN = Skin((0.035, 1.2, 0.32))
 TRUE = np.array([np.log(0.035), np.log(1.2 / 0.035), 0.32])
@@ -825,6 +826,22 @@ def test_where_a_skin_creases_two_meshes_may_differ(table):
     for at, expected in ((0.3, 0.008), (0.8, 0.0094), (1.0, 0.0124)):
         nearest = np.abs(share - at).argmin()
         assert each[nearest] == pytest.approx(expected * w[nearest], rel=0.15)
+
+
+def test_a_table_that_is_off_between_its_nodes_errs_there_for_each_opening(table):
+    records = records_of(campaign(table, lambda t, per_log, rng: 0.0, PLAN[:2]))
+    before = mesh_columns(records)
+    domes = TableDomes(table)
+    assert domes.seen_errors(SkinProblem(records[0].geometry, SKIN)) is None  # not of what ships
+    seen = SeenErrors(np.array([0.0, 500.0]), np.array([[0.01, 0.01], [-0.01, -0.01]]))
+    known = [replace(r, table_errors=seen) for r in records]
+    own = mesh_columns(known)[:, before.shape[1] :]
+    w = np.concatenate([r.curve.deflection_mm for r in records])
+    each = np.sqrt(np.square(own).sum(axis=1))
+    rises = w > 0.1
+    np.testing.assert_allclose(each[rises], 0.01 * w[rises], rtol=0.15)  # between knots less
+    narrow = np.concatenate([np.full(len(r.curve), r.geometry.aperture_mm < 3) for r in records])
+    assert not (own[narrow].any(axis=0) & own[~narrow].any(axis=0)).any()
 
 
 def test_a_dome_of_another_opening_is_that_of_the_table(table):

@@ -40,6 +40,7 @@ from skinlab.mechanics.names import effect_words
 from skinlab.plugins import Origin
 from skinlab.recording.load_inputs import read_campaign_or_session
 from skinlab.report.missing_effect import render
+from skinlab.tables.model_errors import SeenErrors
 
 SKIN = Skin((0.041, 1.7, 0.31))
 THICKNESS_MM = 1.13
@@ -371,7 +372,11 @@ def test_an_effect_whose_model_does_not_hold_is_told_of(table):
 def test_what_is_kept_comes_back_whole(off_zero, explained, tmp_path):
     moved = [
         replace(
-            r, pressure_mbar=r.pressure_mbar + 0.1, off_path_mm=1e-3 * r.curve.time_s, bend_mm=0.1
+            r,
+            pressure_mbar=r.pressure_mbar + 0.1,
+            off_path_mm=1e-3 * r.curve.time_s,
+            bend_mm=0.1,
+            table_errors=SeenErrors(np.array([0.0, 100.0]), np.array([[0.01, 0.02]])),
         )
         for r in explained.found.records
     ]
@@ -384,6 +389,7 @@ def test_what_is_kept_comes_back_whole(off_zero, explained, tmp_path):
         np.testing.assert_array_equal(new.straight_mm, old.straight_mm)
         np.testing.assert_array_equal(new.pressure_mbar, old.pressure_mbar)
         assert new.creases_mbar == old.creases_mbar
+        np.testing.assert_array_equal(new.table_errors.shares, old.table_errors.shares)
     assert describe(again) == describe(outcome)
     assert render(again) == render(outcome)
     (kept,) = tmp_path.iterdir()

@@ -7,12 +7,18 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from skinlab_example.warm_up import EFFECT as WARM_UP
 
-from skinlab.extensions.effects import it_says_what_it_is
+from skinlab.extensions.effects import (
+    it_depends_on_the_suction_alone_where_it_says_so,
+    it_says_what_it_is,
+)
 from skinlab.extensions.laws import derivatives_are_the_energys
 from skinlab.extensions.rules import BrokenRuleError
-from skinlab.mechanics.effects import EFFECTS
+from skinlab.mechanics.effects import EFFECTS, all_effects
 from skinlab.mechanics.effects.base import Effect
+from skinlab.mechanics.effects.history import depends_on_history, shows_history
+from skinlab.mechanics.fem.skin import Prony
 from skinlab.mechanics.materials.base import Law, potential_of_j1
 from skinlab.parameters import Nodes, Parameter, Search
 
@@ -120,3 +126,45 @@ def test_an_effect_that_no_search_can_go_through_is_refused(declared, says):
     Of.parameters = (replace(SIZE, **declared),)
     with pytest.raises((TypeError, ValueError), match=says), EFFECTS.lent(Of()):
         pass
+
+
+class Claims(Effect):
+    name = meaning = formula = source = "an_effect"
+    physical = False
+    needs_history = False
+    parameters = (SIZE,)
+
+
+def claims(**overrides):
+    return type("Claim", (Claims,), overrides)()
+
+
+@pytest.mark.parametrize(
+    "overrides",
+    [
+        {"read": lambda self, t, w, v: w + 1e-3 * v["size_um"] * (1.0 - np.exp(-t))},
+        {"read_along": lambda self, t, p, w, v: w + 1e-6 * v["size_um"] * np.gradient(p, t)},
+        {"when": lambda self, t, v: t - 0.1 * v["size_um"]},
+        {"felt": lambda self, path, v: path.late_by(0.1 * v["size_um"])},
+        {"change": lambda self, p, v, n: replace(p, prony=(Prony(0.05 * v["size_um"], 1.0),))},
+        {"change": lambda self, p, v, n: replace(p, stiffness=1.0 / n)},
+    ],
+    ids=["time", "rate", "late", "lag", "relaxes", "cycle"],
+)
+def test_an_effect_of_time_is_found_though_it_says_that_it_is_none(overrides):
+    effect = claims(**overrides)
+    assert depends_on_history(effect)
+    with pytest.raises(BrokenRuleError, match="needs_history is False"):
+        it_depends_on_the_suction_alone_where_it_says_so(effect)
+
+
+def test_an_effect_depends_on_time_unless_it_says_no():
+    assert depends_on_history(WARM_UP)
+    bent = claims(read=lambda self, t, w, v: w + 1e-3 * v["size_um"] * w**2)
+    assert not depends_on_history(bent)
+    it_depends_on_the_suction_alone_where_it_says_so(bent)
+
+
+def test_built_in_effects_that_say_no_depend_on_the_suction_alone():
+    own = [one for one in all_effects() if EFFECTS.origin(one.name) is None]
+    assert not [one.name for one in own if not one.needs_history and shows_history(one)]

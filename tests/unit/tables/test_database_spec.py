@@ -1,9 +1,11 @@
 """SPEC.toml: strict in, filled in, and an adopted MODEL.toml as one."""
 
 import pytest
+from skinlab_example.warm_up import EFFECT as WARM_UP
 
 from skinlab.cli.main import run
 from skinlab.errors import InputError
+from skinlab.mechanics.effects import EFFECTS
 from skinlab.tables.axes import AxisRange
 from skinlab.tables.custom_spec import spec_from_json
 from skinlab.tables.spec_file import read_spec
@@ -194,6 +196,19 @@ def test_an_effect_of_time_has_a_program(tmp_path):
     own = read_spec(written(tmp_path, HISTORY + '[measurement]\nprogram = "ramp:60@5,hold:2"\n'))
     assert str(own.program) == "ramp:60@5,hold:2"
     assert own.high_mbar == 60.0
+    without = spec.to_json().replace('"program":"ramp:100@20,ramp:0@20"', '"program":null')
+    with pytest.raises(InputError, match=r"measurement.program is missing: effects of its model"):
+        spec_from_json(without)  # of a file whose effect was taken for one of the suction alone
+
+
+def test_a_plugins_effect_of_time_has_a_program_too(tmp_path):
+    """It had none where the plugin did not say that it needs one."""
+    text = HISTORY.replace("viscoelasticity.g]\nvalue = 0.3", "warm_up.rise_um]\nvalue = 30.0")
+    text = text.replace("viscoelasticity.tau_s", "warm_up.tau_s")
+    with EFFECTS.lent(WARM_UP):
+        spec = read_spec(written(tmp_path, text))
+        assert spec.has_history
+        assert str(spec.program) == "ramp:100@20,ramp:0@20"
 
 
 def test_the_command_says_it_in_one_sentence(tmp_path, capsys):

@@ -6,15 +6,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from skinlab.api.identifiers import find_table
 from skinlab.curves.curve import Curve, Setup
 from skinlab.curves.pressure_path import PressurePath
 from skinlab.errors import InputError, NotTrustworthyError
+from skinlab.inference.identify import Identifier
 from skinlab.inference.problem import Problem
+from skinlab.inference.uncertainty import Sensor
 from skinlab.mechanics.effects.model import going_on
 from skinlab.mechanics.fem.skin import Skin
-from skinlab.mechanics.fem.suction import SCREENING_MESH, Geometry, solve
+from skinlab.mechanics.fem.suction import MBAR, SCREENING_MESH, Geometry, solve
 from skinlab.mechanics.materials.compressibility import kappa_ratio, nu_from_ratio
-from skinlab.tables.build import build, rebuilt_differences
+from skinlab.tables.build import build, describe, rebuilt_differences
 from skinlab.tables.dimensionless_spec import Axis, DimensionlessSpec
 from skinlab.tables.parallel_build import How
 from skinlab.tables.splines import basis, coefficients
@@ -303,3 +306,75 @@ def test_nearly_incompressible_skin_may_be_wrong_by_more(table):
     # Found against a mesh that cannot lock: 0.1 and 0.3 to 0.5 % (docs/verification.md).
     assert 0.0008 < share[0] < 0.0015
     assert 0.003 < share[1] < 0.005
+
+
+@pytest.fixture(scope="module")
+def coarse():
+    """A table of few nodes, off between them by 0.4 % of the deflection."""
+    axis = (
+        ("thickness_over_radius", Axis(0.3, 0.4, 4)),
+        ("X2_over_X1", Axis(5.0, 500.0, 4)),
+        ("kappa_over_X1", Axis(3.5, 12.0, 4)),
+    )
+    return build(
+        DimensionlessSpec(
+            scale_mpa=(0.03, 0.1), axis=axis, pressure_mbar=60.0, load_nodes=13,
+            least_load=-0.004, mesh_name=SCREENING_MESH.name,
+        )
+    )  # fmt: skip
+
+
+def not_measured(table):
+    extra = {name: v for name, v in table.extra.items() if name != "interpolation_error"}
+    return dataclasses.replace(table, extra=extra)
+
+
+def test_how_far_a_table_is_off_between_its_nodes_is_measured_when_it_is_built(
+    coarse, tmp_path, capsys
+):
+    spec = coarse.spec
+    errors = coarse.extra["interpolation_error"]
+    assert errors.shape == (24, 13)
+    thickness, x2, kappa = np.exp(spec.check_points()[0])
+    # Half-way between nodes of the load that are in the middle of what the point holds.
+    load = spec.load(spec.check_coordinates(), thickness)[5:8]
+    pressure = 0.05 * load / MBAR
+    skin = {"X1_MPa": 0.05, "X2_MPa": 0.05 * x2, "kappa_MPa": 0.05 * kappa}
+    geometry = Geometry(6.0, 3.0 * thickness)
+    direct = solve(geometry, skin, 60.0, discretisation=SCREENING_MESH)(pressure)
+    nu = float(nu_from_ratio(kappa, "paper"))
+    found = coarse.model(geometry, pressure).deflection_mm(np.array([[0.05, 0.05 * x2, nu]]))[0]
+    np.testing.assert_allclose(np.log(found / direct), errors[0, 5:8], atol=2e-5)
+
+    assert "between the nodes off by 0." in describe(coarse)
+    path = tmp_path / "table.h5"
+    write(path, coarse)
+    again = read(path)
+    np.testing.assert_array_equal(again.extra["interpolation_error"], errors)
+    write(path, not_measured(coarse))
+    assert "was not measured, and is in no interval: build it again" in describe(read(path))
+    find_table(path)
+    assert "table.h5: how far it is off between the nodes was not" in capsys.readouterr().err
+
+
+def test_the_table_that_ships_errs_as_before(table):
+    model = table.model(STANDARD, np.linspace(1.0, 100.0, 50))
+    assert not model.error_shapes_mm(np.array([0.15, 15.0, 0.3])).any()
+    assert "between the nodes" not in describe(table)
+
+
+def test_intervals_know_that_a_coarse_table_is_wrong_between_its_nodes(coarse):
+    truth = {"X1_MPa": 0.0434, "X2_MPa": 1.06, "nu": 0.381}
+    kappa = truth["X1_MPa"] * kappa_ratio(truth["nu"], "paper")
+    skin = {"X1_MPa": truth["X1_MPa"], "X2_MPa": truth["X2_MPa"], "kappa_MPa": kappa}
+    pressure = np.linspace(0.0, 60.0, 121)
+    exact = solve(Geometry(6.0, 1.05), skin, 60.0, discretisation=SCREENING_MESH)(pressure)
+    measured = exact + np.random.default_rng(2).normal(0.0, 1e-3, len(pressure))
+    curve = Curve("c", Setup(6.0, 1.05), pressure / 20.0, pressure, measured)
+
+    def held(table):
+        found = Identifier(table, sensor=Sensor(noise_um=1.0))(curve).parameters
+        return [found[name].low <= value <= found[name].high for name, value in truth.items()]
+
+    assert all(held(coarse))
+    assert not any(held(not_measured(coarse)))
