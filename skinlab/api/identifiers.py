@@ -20,9 +20,8 @@ from skinlab.inference.uncertainty import Sensor
 from skinlab.mechanics.materials.compressibility import KappaConvention
 from skinlab.mechanics.model_file import Model, read_model
 from skinlab.plugins import warn
-from skinlab.tables.dimensionless_spec import NOT_MEASURED
 from skinlab.tables.store import read, shipped_table
-from skinlab.tables.table import Table
+from skinlab.tables.table import NOT_MEASURED, Table
 
 PHASES = get_args(Phase)
 
@@ -156,7 +155,7 @@ def find_table(database: PathLike | Table | None) -> Table:
     if database is None:
         return shipped_table()
     table = read(as_path(database))
-    if table.spec.between(table) == NOT_MEASURED:
+    if table.spec.between(table) is None:
         warn(f"{database}: {NOT_MEASURED}")
     return table
 

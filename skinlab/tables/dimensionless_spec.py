@@ -60,7 +60,7 @@ from skinlab.tables.splines import (
     knots_through,
 )
 from skinlab.tables.svd_basis import chosen, components
-from skinlab.tables.table import Asked, Dataset, Table, plain_point
+from skinlab.tables.table import NOT_MEASURED, Asked, Dataset, Table, plain_point
 
 Array = NDArray[np.float64]
 
@@ -68,9 +68,6 @@ _GOES_ON = "goes_on_to_load"
 _ERRORS = "interpolation_error"
 _BLUNT = BLUNT_MESHES[1]  # does not crease where a soft surface does, and is cheap
 
-NOT_MEASURED = (
-    "how far it is off between the nodes was not measured, and is in no interval: build it again"
-)
 THICKNESS = "thickness_over_radius"
 # κ/(μ/2) for ν of 0 to 0.499 in both conventions. Below 2.66 only `consistent` has skins. Close
 # together where curves bend; towards incompressibility they hardly do.
@@ -592,17 +589,18 @@ class DimensionlessSpec:
             f"({median * shown / MBAR:.0f} mbar at {scale.label} {shown:.3g} {scale.unit})"
         )
         said = self.between(table)
-        return [*lines, said] if said else lines
+        lines.append(NOT_MEASURED if said is None else said)
+        return [line for line in lines if line]
 
-    def between(self, table: Table) -> str:
-        """Return how far it is off between its nodes, in words; '' of the one that ships."""
+    def between(self, table: Table) -> str | None:
+        """See `Spec`: '' of the one that ships, None of a file that was built before."""
         if _ERRORS in table.extra:
             rms = 100.0 * np.sqrt(np.mean(table.extra[_ERRORS] ** 2, axis=1))
             return (
                 f"between the nodes off by {np.median(rms):.2g} % of the deflection rms, at worst "
                 f"{rms.max():.2g} % ({len(rms)} points compared with finite elements)"
             )
-        return "" if table.path is None else NOT_MEASURED
+        return "" if table.path is None else None
 
     # ---- files ----
 

@@ -31,6 +31,10 @@ from skinlab.tables.evaluator import Evaluator
 
 Array = NDArray[np.float64]
 
+NOT_MEASURED = (
+    "how far it is off between the nodes was not measured, and is in no interval: build it again"
+)
+
 
 @dataclass(frozen=True)
 class Dataset:
@@ -143,8 +147,11 @@ class Spec(Protocol):
         """Return what is in it, in a few lines."""
         ...
 
-    def between(self, table: Table) -> str:
-        """Return how far it is off between its nodes, in words; '' where it does not say."""
+    def between(self, table: Table) -> str | None:
+        """Return how far it is off between its nodes, in words; '' where nothing is to be said.
+
+        None where it was to be measured, and was not.
+        """
         ...
 
     # ---- files ----

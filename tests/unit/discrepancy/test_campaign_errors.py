@@ -459,6 +459,17 @@ def test_a_second_effect_has_to_be_there_again(table, curves, size_um, needed):
     assert again.needs_both(leading, alone) is needed
 
 
+def disciplined_pair(fitter, fit, with_it):
+    """Return a fit, another with something beside it, and the trials of both; errors of 2 µm."""
+    left = Residual(1.0, (), 1.0)
+    base, best = Candidate(fit, left, 0.0), Candidate(with_it, left, 9.0)
+    plain = Linearised.of(fit, fitter.errors, fitter.measured)
+    errors = learned(fitter.records, plain, noise_um=2.0, placement_scatter=0.0)
+    linear, odds = ({id(base): x, id(best): x} for x in (plain, 0.0))
+    discipline = Discipline(fitter.records, errors, linear, odds)
+    return base, best, discipline
+
+
 @pytest.mark.parametrize(
     ("moved_um", "x2", "nu", "passes", "said"),
     [
@@ -480,12 +491,7 @@ def test_what_moves_a_parameter_matters_though_curves_hardly_change(
     there = [at["X1_MPa"], at["X2_MPa"] * (1.0 + x2), at["nu"] + nu]
     u = fit.unknowns.space.coordinates(np.array(there))
     with_it = replace(fit, u=u, deflections_mm=[w + 1e-3 * moved_um for w in fit.deflections_mm])
-    left = Residual(1.0, (), 1.0)
-    base, best = Candidate(fit, left, 0.0), Candidate(with_it, left, 9.0)
-    plain = Linearised.of(fit, fitter.errors, fitter.measured)
-    errors = learned(fitter.records, plain, noise_um=2.0, placement_scatter=0.0)
-    linear, odds = ({id(base): x, id(best): x} for x in (plain, 0.0))
-    discipline = Discipline(fitter.records, errors, linear, odds)
+    base, best, discipline = disciplined_pair(fitter, fit, with_it)
     trial = discipline.trials(best, base, [best], [], HeldOut(1.0, 1.0, 1.0, (), 1.0))[0]
     assert (trial.name, trial.passed) == ("size", passes)
     assert trial.sentence.endswith(f"fitted {said}")
@@ -511,12 +517,7 @@ def test_a_learned_function_may_leave_a_little_more_of_what_was_left_out(
     jacobian = np.zeros((len(fit.jacobian), len(u)))
     jacobian[:, : len(fit.u)] = fit.jacobian
     with_it = replace(fit, unknowns=unknowns, u=u, jacobian=jacobian)
-    left = Residual(1.0, (), 1.0)
-    base, best = Candidate(fit, left, 0.0), Candidate(with_it, left, 9.0)
-    plain = Linearised.of(fit, fitter.errors, fitter.measured)
-    errors = learned(fitter.records, plain, noise_um=2.0, placement_scatter=0.0)
-    linear, odds = ({id(base): x, id(best): x} for x in (plain, 0.0))
-    discipline = Discipline(fitter.records, errors, linear, odds)
+    base, best, discipline = disciplined_pair(fitter, fit, with_it)
     half = np.arange(len(fitter.measured)) % 2 == 0
     held = HeldOut(2.0 * ratio, 2.0, 2.0, (), 2.0 * ratio)
     trials = discipline.trials(best, base, [], [half], held)
