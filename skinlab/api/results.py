@@ -286,6 +286,13 @@ class Session(Document):
 
         return measured_utc(self._session.meta)
 
+    @property
+    def left_out(self) -> dict[str, str]:
+        """Why curves do not count together: left out by the operator, or cut short."""
+        from skinlab.recording.session_fit import left_out_of
+
+        return left_out_of(self._session)
+
     def to_dict(self) -> dict[str, Any]:
         """Return file, meta, curves and results as plain data."""
         return {**super().to_dict(), "curves": [c.to_dict() for c in self.curves]}

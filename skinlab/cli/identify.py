@@ -229,12 +229,17 @@ def _check_together(read: list[Input]) -> None:
     """Say what has to be known of whose skin these are together, before anything is computed.
 
     Raises:
-        InputError: one curve is there twice, or they are of two people or two sites.
+        InputError: one curve is there twice, they are of two people or two sites, or operators left
+            out all of them.
     """
     from skinlab.curves.distinct import check_distinct
     from skinlab.curves.one_skin import check_one_skin
+    from skinlab.errors import InputError
+    from skinlab.recording.load_inputs import NONE_LEFT
 
-    curves = [curve for given in read for curve in given.curves]
+    curves = [curve for given in read for curve in given.used]
+    if not curves and any(given.left_out for given in read):
+        raise InputError(f"--joint: {NONE_LEFT}")
     check_distinct(curves)
     for sentence in check_one_skin(curves):
         echo(f"skinlab: {sentence}", err=True)
@@ -247,7 +252,9 @@ def _together(identifier: Identifier, read: list[Input], scatter: float | str | 
     from skinlab.inference.batch import fitted_together, with_stated_noise
     from skinlab.text import counted
 
-    everything = [curve for given in read for curve in given.curves]
+    for sentence in (sentence for given in read for sentence in given.left_out_words):
+        echo(f"skinlab: {sentence}", err=True)
+    everything = [curve for given in read for curve in given.used]
     curves = fitted_together(identifier, everything)
     if len(curves) < len(everything):
         echo(

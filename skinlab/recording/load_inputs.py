@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -13,11 +13,13 @@ from skinlab.curves.curve import Curve, Setup
 from skinlab.curves.distinct import check_distinct
 from skinlab.errors import InputError
 from skinlab.io.files import file_hash, real_path
+from skinlab.plugins import warn
 
 if TYPE_CHECKING:
     from skinlab.recording.session import StatedModel
 
 SESSIONS = frozenset({".h5", ".hdf5"})  # endings of their names
+NONE_LEFT = "all its curves were left out by who measured them; expected one at least"
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,6 +31,17 @@ class Input:
     pressure_noise_mbar: float | None = None
     placement_scatter: float | None = None  # None: to be learned
     model: StatedModel | None = None  # None: of the law alone, or there are no results
+    left_out: Mapping[str, str] = field(default_factory=dict)  # why, by the name of the curve
+
+    @property
+    def used(self) -> tuple[Curve, ...]:
+        """The curves that answer together."""
+        return tuple(curve for curve in self.curves if curve.name not in self.left_out)
+
+    @property
+    def left_out_words(self) -> list[str]:
+        """Which curves do not answer together, a sentence each."""
+        return [f"{name} is left out: {why}" for name, why in self.left_out.items()]
 
 
 def read_input(path: Path, setup: Setup | None) -> Input:
@@ -52,6 +65,7 @@ def read_input(path: Path, setup: Setup | None) -> Input:
         return Input(campaign.curves, *noise, campaign.placement_scatter)
     if suffix in SESSIONS:
         from skinlab.recording.session import read_session, stated_model, stated_noise
+        from skinlab.recording.session_fit import left_out_of
 
         session = read_session(path)
         named = tuple(
@@ -59,7 +73,8 @@ def read_input(path: Path, setup: Setup | None) -> Input:
             for curve in session.curves
         )
         noise = stated_noise(session.meta)
-        return Input(named, *noise, model=stated_model(session.meta))
+        left_out = {f"{path}:{name}": why for name, why in left_out_of(session).items()}
+        return Input(named, *noise, model=stated_model(session.meta), left_out=left_out)
     raise InputError(
         f"{path}: expected a curve (.csv), a session (.h5) or a campaign (.toml); {IMPORT}"
     )
@@ -86,10 +101,11 @@ def import_advice(paths: Iterable[Path]) -> str:
 def read_campaign_or_session(path: Path) -> tuple[Campaign, dict[str, str]]:
     """Return the curves that are explained together, and the hash of each file they are from.
 
-    Files are called as the campaign calls them: those of two folders may have one name.
+    Files are called as the campaign calls them: those of two folders may have one name. What does
+    not count of a session (`left_out_of`) is told.
 
     Raises:
-        InputError: the file cannot be read, is neither, or has a curve twice.
+        InputError: the file cannot be read, is neither, has a curve twice, or none that counts.
     """
     if path.is_dir():
         path = path / "campaign.toml"
@@ -105,8 +121,12 @@ def read_campaign_or_session(path: Path) -> tuple[Campaign, dict[str, str]]:
     if suffix in SESSIONS:
         given = read_input(path, None)
         check_distinct(given.curves)
+        for sentence in given.left_out_words:
+            warn(sentence)
+        if given.left_out and not given.used:
+            raise InputError(f"{path}: {NONE_LEFT}")
         noise = given.noise_um, given.pressure_noise_mbar
-        return Campaign(path.stem, *noise, given.curves), {path.name: file_hash(path)}
+        return Campaign(path.stem, *noise, given.used), {path.name: file_hash(path)}
     raise InputError(f"{path}: expected a campaign (.toml) or a session (.h5)")
 
 

@@ -49,6 +49,21 @@ def fit_curves(identifier: Identifier, name: str, curves: Sequence[Curve]) -> Id
     return replace(result, file=name)
 
 
+def left_out_of(session: Session) -> dict[str, str]:
+    """Return why curves do not count together with others, by their names.
+
+    Because the operator excluded them, or because they were cut short, unless all others were too.
+    """
+    names = [curve.name for curve in session.curves]
+    found = {
+        name: f"who measured it said so ({why})"
+        for name, why in excluded_of(session).items()
+        if name in names
+    }
+    cut = {c.name: "it was cut short" for c in session.curves if c.partial}
+    return found | cut if set(names) - {*found, *cut} else found
+
+
 def excluded_of(session: Session) -> dict[str, str]:
     """Return why the operator excluded curves, by their names, from the audit trail."""
     found: dict[str, str] = {}

@@ -21,8 +21,9 @@ from skinlab.inference.identify import Identifier
 from skinlab.inference.result import Identification
 from skinlab.io.log import log_exception
 from skinlab.recording.audit import entries
-from skinlab.recording.load_inputs import SESSIONS
+from skinlab.recording.load_inputs import NONE_LEFT, SESSIONS
 from skinlab.recording.session import Session, measured_utc, read_session, stated_noise
+from skinlab.recording.session_fit import excluded_of
 from skinlab.recording.stream import setup_to_json
 from skinlab.studies.copies import readings_hash
 from skinlab.studies.facts import Facts, setup_of
@@ -91,7 +92,7 @@ def _rows(identifier: Identifier, task: Task) -> list[Row]:
         session = read_session(path)
         known = labels_of(session)
         knowing = with_stated_noise(identifier, *noise_of(facts, session))
-        return [_row(knowing, one, known | _placement(one)) for one in session.curves]
+        return [_row(knowing, one, known | _placement(one)) for one in _used(path, session)]
     (curve,), noise = curves_and_noise(path, facts)
     return [_row(with_stated_noise(identifier, *noise), curve, {})]
 
@@ -116,8 +117,16 @@ def curves_and_noise(
     """
     if path.suffix.lower() in SESSIONS:
         session = read_session(path)
-        return list(session.curves), noise_of(facts, session)
+        return _used(path, session), noise_of(facts, session)
     return [_curve_of(path, facts)], noise_of(facts)
+
+
+def _used(path: Path, session: Session) -> list[Curve]:
+    out = excluded_of(session)
+    used = [curve for curve in session.curves if curve.name not in out]
+    if session.curves and not used:
+        raise InputError(f"{path}: {NONE_LEFT}")
+    return used
 
 
 def _curve_of(path: Path, facts: Facts) -> Curve:

@@ -12,6 +12,7 @@ import subprocess
 import sys
 import time
 from contextlib import closing
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -22,8 +23,10 @@ from studies import rows_of, study
 
 from skinlab.cli.main import cli
 from skinlab.errors import InputError
-from skinlab.recording.session import read_session
-from skinlab.studies.compute import draws_of
+from skinlab.inference.identify import Identifier
+from skinlab.recording.audit import Chain, note
+from skinlab.recording.session import example_session, read_session, write_session
+from skinlab.studies.compute import Task, compute, curves_and_noise, draws_of
 from skinlab.studies.facts import pseudonym
 from skinlab.studies.path_layout import PathLayout
 from skinlab.studies.state import State
@@ -412,3 +415,19 @@ def test_without_pictures_all_else_is_written(cohort, made, tmp_path, monkeypatc
     assert not (out / "report.html").exists()
     assert (out / "components.csv").read_bytes() == (made[0] / "components.csv").read_bytes()
     assert "report.html" not in json.loads((out / "study.json").read_text())["files"]
+
+
+def test_what_its_operator_left_out_of_a_session_is_in_no_study(tmp_path, table):
+    """Its row was one of the person's."""
+    session, path = read_session(example_session()), tmp_path / "visit.h5"
+    records = list(session.records)
+    for curve in (2, 1):
+        deed = note(9e9, 9e9, "me", "curve excluded", {"curve": curve, "text": "a loose tape"})
+        records.append(Chain(records).add(deed))
+        write_session(path, replace(session, records=tuple(records)), replace=True)
+        (found,) = compute(Identifier(table, method="lm"), [Task(1, path, {})])
+        if curve == 2:
+            assert [json.loads(row.text)["curve"] for row in found.rows] == ["curve 1"]
+            assert [one.name for one in curves_and_noise(path, {})[0]] == ["curve 1"]
+    assert found.rows == ()
+    assert found.error.endswith("left out by who measured them; expected one at least")
