@@ -15,6 +15,7 @@ from skinlab.io.files import write_file
 from skinlab.mechanics.names import is_effects, of_law
 from skinlab.recording.clocks import clock_readings
 from skinlab.recording.session import Session, stated_noise
+from skinlab.recording.session_fit import excluded_of
 from skinlab.recording.stream import setup_to_json
 from skinlab.text import csv_cell, inert, json_text
 
@@ -121,8 +122,9 @@ def _overview(session: Session) -> str:
     header = (
         "file", "name", "samples", "partial", *setup_columns,
         *(f"{name}{end}" for name in names for end in ("", "_low", "_high")),
-        "error_um", "rms_um", "flags", "not_identified",
+        "error_um", "rms_um", "flags", "not_identified", "left_out", "placement",
     )  # fmt: skip
+    out = excluded_of(session)
     rows: list[Any] = [header]
     for number, (curve, result) in enumerate(
         zip(session.curves, session.results, strict=True), start=1
@@ -135,7 +137,7 @@ def _overview(session: Session) -> str:
         for name in names:
             row += [values.get(name, {}).get(key) for key in ("value", "low", "high")]
         row += [found.get("error_um"), found.get("rms_um"), " ".join(found.get("flags") or [])]
-        rows.append([*row, found.get("error")])
+        rows.append([*row, found.get("error"), out.get(curve.name), curve.setup.placement])
     return _csv(rows)
 
 
@@ -147,6 +149,9 @@ def _csv(rows: list[Any]) -> str:
 
 def _campaign(session: Session) -> str:
     noise_um, pressure_noise_mbar = stated_noise(session.meta)
+    out = excluded_of(session)
+    numbered = list(enumerate(session.curves, start=1))
+    used = [(number, curve) for number, curve in numbered if curve.name not in out]
     return toml_text(
         {
             "campaign": {
@@ -156,7 +161,7 @@ def _campaign(session: Session) -> str:
             },
             "curve": [
                 {"file": _file(number)} | setup_to_json(curve.setup)
-                for number, curve in enumerate(session.curves, start=1)
+                for number, curve in used or numbered  # a campaign has one at least
             ],
         }
     )

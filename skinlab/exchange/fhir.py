@@ -23,6 +23,7 @@ from skinlab.exchange.codes import CODES, INTERVAL, SYSTEM, UCUM, unit_of, words
 from skinlab.mechanics.materials.base import KAPPA, NU_CONSISTENT
 from skinlab.recording.audit import entries
 from skinlab.recording.session import Session, content_hash, measured_utc
+from skinlab.recording.session_fit import excluded_of
 from skinlab.text import json_text
 
 Array = NDArray[np.float64]
@@ -119,7 +120,7 @@ def _observation(
     components += [_component(name, value) for name, value in _steps(curve).items()]
     observation: dict[str, Any] = {
         "resourceType": "Observation",
-        "status": "final" if not curve.partial else "preliminary",
+        "status": _status(session, curve),
         "code": _concept("suction-curve"),
         "component": components,
         "method": {"text": f"suction, program {setup.program or 'not stated'}"},
@@ -144,9 +145,17 @@ def _observation(
     return observation
 
 
+def _status(session: Session, curve: Curve) -> str:
+    if curve.name in excluded_of(session):
+        return "entered-in-error"
+    return "preliminary" if curve.partial else "final"
+
+
 def _notes(session: Session, curve: Curve, found: Mapping[str, Any]) -> list[str]:
     how = session.meta.get("identification") or {}
     notes = [f"{curve.name}; cycle {curve.setup.cycle}, repeat {curve.setup.repeat}"]
+    if (why := excluded_of(session).get(curve.name)) is not None:
+        notes.append(f"left out by who measured it: {why}")
     if found.get("error"):
         notes.append(f"not identified: {found['error']}")
     if found.get("flags"):

@@ -12,6 +12,7 @@ from typing import Any
 from skinlab.exchange.codes import unit_of
 from skinlab.inference.identify import Identifier
 from skinlab.recording.session import Session, measured_utc
+from skinlab.recording.session_fit import excluded_of
 from skinlab.recording.stream import setup_to_json
 from skinlab.text import json_text
 
@@ -97,7 +98,8 @@ SCHEMA: dict[str, Any] = {
                         "rms_um": _OPEN,
                         "flags": {"type": "array", "items": _TEXT},
                         "skinlab_version": _TEXT,
-                    }
+                    },
+                    left_out=_TEXT,
                 ),
             },
         }
@@ -111,7 +113,7 @@ def to_parameters(session: Session, identifier: Identifier) -> dict[str, str]:
     `identifier` is the one that the session was identified with.
     """
     provenance, meta = identifier.provenance(), session.meta
-    curves = []
+    curves, out = [], excluded_of(session)
     for curve, result in zip(session.curves, session.results, strict=True):
         values = (result or {}).get("parameters")
         if result is None or not values:
@@ -151,6 +153,7 @@ def to_parameters(session: Session, identifier: Identifier) -> dict[str, str]:
                 "rms_um": result.get("rms_um"),
                 "flags": list(result.get("flags") or ()),
                 "skinlab_version": str(meta.get("skinlab_version") or ""),
+                **({"left_out": out[curve.name]} if curve.name in out else {}),
             }
         )
     whole = {"schema": NAME, "curves": curves}

@@ -6,18 +6,28 @@ import csv
 import json
 import stat
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
+from click.testing import CliRunner
 
+from skinlab.cli.main import cli
 from skinlab.curves.campaign import read_campaign
 from skinlab.curves.curve import Curve, Setup
 from skinlab.curves.program import parse_program
 from skinlab.errors import InputError
 from skinlab.exchange.export import FORMATS, export
 from skinlab.inference.identify import Identifier
+from skinlab.recording.audit import Chain, note
 from skinlab.recording.load_inputs import read_campaign_or_session, read_input
-from skinlab.recording.session import Session, read_session, stated_noise, write_session
+from skinlab.recording.session import (
+    Session,
+    example_session,
+    read_session,
+    stated_noise,
+    write_session,
+)
 from skinlab.recording.stream import setup_from_json
 from skinlab.studies.compute import curves_and_noise
 
@@ -134,3 +144,28 @@ def test_a_stated_noise_goes_along_with_its_session(session, tmp_path):
     assert noise == (3.0, 0.0)
     with pytest.raises(InputError, match="identification is damaged"):
         stated_noise({"identification": {"noise_um": -1}})
+
+
+def test_a_curve_that_its_operator_left_out_says_so_in_every_export(tmp_path):
+    """It was `final` in FHIR, and one of the campaign's."""
+    session, path = read_session(example_session()), tmp_path / "visit.h5"
+    deed = note(9e9, 9e9, "me", "curve excluded", {"curve": 2, "text": "a loose tape"})
+    records = (*session.records, Chain(session.records).add(deed))
+    write_session(path, replace(session, records=records))
+
+    def exported(kind):
+        done = CliRunner().invoke(cli, ["export", str(path), "--to", kind, str(tmp_path / kind)])
+        assert done.exit_code == 0, done.output
+        return tmp_path / kind
+
+    entries = json.loads((exported("fhir") / "fhir.json").read_text("utf-8"))["entry"]
+    kept, out = (e["resource"] for e in entries if e["resource"]["resourceType"] == "Observation")
+    assert (kept["status"], out["status"]) == ("final", "entered-in-error")
+    assert "left out by who measured it: a loose tape" in [n["text"] for n in out["note"]]
+    curves = json.loads((exported("parameters") / "parameters.json").read_text("utf-8"))["curves"]
+    assert [one.get("left_out") for one in curves] == [None, "a loose tape"]
+    with (exported("csv") / "curves.csv").open(encoding="utf-8", newline="") as file:
+        told = [row["left_out"] for row in csv.DictReader(file)]
+    assert told == ["", "a loose tape"]
+    campaign, _ = read_campaign_or_session(tmp_path / "csv")
+    assert [Path(curve.name).name for curve in campaign.curves] == ["curve_0001.csv"]
