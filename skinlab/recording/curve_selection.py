@@ -48,6 +48,10 @@ class Ledger:
             self._put(deed.curve, before)
         return deed
 
+    def redo(self, deed: Deed) -> None:
+        """Do again what was taken back."""
+        self._do(deed, "" if deed.curve is None else self.excluded.get(deed.curve, ""))
+
     def _do(self, deed: Deed, before: str) -> Deed:
         self._done.append((deed, before))
         if deed.what == "note":

@@ -76,6 +76,7 @@ def curve_section(measured: Measured, figures: Sequence[Illustration]) -> Sectio
 def _setup_words(measured: Measured) -> str:
     curve, setup = measured.curve, measured.curve.setup
     sd = "" if setup.thickness_sd_mm is None else f" ± {setup.thickness_sd_mm:g}"
+    placed = "" if setup.placement is None else f", placement {setup.placement}"
     lasted = ""
     if len(curve):
         lasted = (
@@ -84,8 +85,8 @@ def _setup_words(measured: Measured) -> str:
         )
     return (
         f"{setup.aperture_mm:g} mm opening, {setup.thickness_mm:g}{sd} mm of skin, program "
-        f"{_program(setup.program)}, loading {setup.cycle} of the site, repeat {setup.repeat}; "
-        f"{len(curve)} samples{lasted}."
+        f"{_program(setup.program)}, loading {setup.cycle} of the site, repeat {setup.repeat}"
+        f"{placed}; {len(curve)} samples{lasted}."
     )
 
 

@@ -50,10 +50,11 @@ def describe_session(path: Path, session: Session) -> str:
         tell(f"  {_describe_clocks([c for c in clocks if c is not None])}")
     for k, (curve, result) in enumerate(zip(session.curves, session.results, strict=True)):
         setup = curve.setup
+        placed = "" if setup.placement is None else f", placement {setup.placement}"
         state = " partial" if curve.partial else ""
         tell(
             f"  {curve.name}: {setup.aperture_mm:g} mm, {setup.thickness_mm:g} mm skin, "
-            f"{setup.program or 'program not stated'}, cycle {setup.cycle}, "
+            f"{setup.program or 'program not stated'}, cycle {setup.cycle}{placed}, "
             f"{len(curve)} samples{state}"
         )
         if k < len(clocks) and (clock := clocks[k]) is not None:
@@ -93,7 +94,8 @@ def _describe_clocks(clocks: list[ClockReading]) -> str:
     rates = [clock.rate for clock in clocks]
     known = max(clock.rate_uncertainty for clock in clocks)
     each = [_pace(rate, known) for rate in (min(rates), max(rates))]
-    said = each[0] if max(rates) - min(rates) <= known else f"{each[0]} to {each[1]}"
+    alike = max(rates) - min(rates) <= known or each[0] == each[1]
+    said = each[0] if alike else f"{each[0]} to {each[1]}"
     return (
         f"the instrument's clock by this computer's: {said} (± {100 * known:.2g} %); "
         "times and rates of curves are by the instrument's"

@@ -599,6 +599,8 @@ class SkinlabApp(PartedApp):
                     self._session_keys.load_advice()
             case "rested" if self.board.can_arm:
                 self._starting.count_anew()
+            case "placed" if self.board.can_arm:
+                self._starting.put_on_anew()
             case "card":
                 self.board.second_card = not self.board.second_card
                 self.board.touch()
@@ -667,7 +669,13 @@ class SkinlabApp(PartedApp):
 
 def _shown(key: str) -> str:
     """Return a key as it stands on the keyboard."""
-    named = {"delete": "Del", "pageup": "PgUp", "pagedown": "PgDn", "escape": "Esc"}
+    named = {
+        "delete": "Del",
+        "insert": "Ins",
+        "pageup": "PgUp",
+        "pagedown": "PgDn",
+        "escape": "Esc",
+    }
     *held, last = key.split("+") if len(key) > 1 else [key]
     if last in named:
         last = named[last]

@@ -165,7 +165,10 @@ def card_text(board: Board, columns: int) -> CardText:
     model = () if board.model is None else (f"model    {board.model}",)
     if review is not None:
         lines = order_lines(
-            review.order, assumed_thickness=review.assumed_thickness, counted=review.counted
+            review.order,
+            assumed_thickness=review.assumed_thickness,
+            counted=review.counted,
+            placed=review.placed,
         )
         lines += [f"protocol {clause}" for clause in review.protocol]
         lines += [f"{'NOTE':<8} {clause}" for clause in review.otherwise]
@@ -306,7 +309,9 @@ def row_texts(entry: Entry, names: Sequence[str] | None = None) -> tuple[str, ..
         for n in names
     ]
     rms = "" if result is None or result.rms_um is None else digits(result.rms_um, 3)
-    remarks = "" if result is None else ", ".join(flag_words(flag) for flag in result.flags)
+    said = [] if setup.placement is None else [f"placement {setup.placement}"]
+    said += [] if result is None else [flag_words(flag) for flag in result.flags]
+    remarks = ", ".join(said)
     if result is not None and result.error is not None:
         remarks = "not identified"
     verdict = entry.verdict

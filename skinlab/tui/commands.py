@@ -14,6 +14,7 @@ COMMANDS = (
     Command("want('next')", "Load the next step of the protocol, or what the goal needs", "F7"),
     Command("want('card')", "R0 to R9 of a step curve, or the values", "r"),
     Command("want('rested')", "The site has rested: count loadings from 1", "F6"),
+    Command("want('placed')", "The probe was put on anew, without a full rest", "Ins"),
     Command("settings", "Edit the settings", "F3"),
     Command("want('pick')", "Choose a program by its name", "F4"),
     Command("app.ports", "Choose a port", "F2"),

@@ -116,7 +116,7 @@ class ChangeDistance:
         if self.following is None:
             return f"{now}; more of these measurements will not help"
         expected = "" if self.expected is None else f" (then {self.expected:.2g}{unit})"
-        return f"{now}; place anew, F7: {_measured(self.following)}{expected}"
+        return f"{now}; place anew (Ins), F7: {_measured(self.following)}{expected}"
 
 
 def _measured(following: Following) -> str:

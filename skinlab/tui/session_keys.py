@@ -39,12 +39,21 @@ class SessionKeys(Part):
         try:
             self.bench.audit(what, curve=deed.curve, text=deed.text)
         except SkinlabError as error:
+            if self.board.playing is None:  # else it holds for this replay
+                self._take_back(message)
             self.board.refuse(str(error))
         else:
             # More than a note: not to be covered by "saved"
             level = Level.WARNING if message.undone else Level.INFO
             undone = f"undone: {undone_words(message.deed)}"
             self.board.answer(level, undone if message.undone else f"recorded: {what}")
+
+    def _take_back(self, message: SessionScreen.Decided) -> None:
+        """Undo what could not be recorded: it would hold on this screen and nowhere else."""
+        if message.undone:
+            self.board.ledger.redo(message.deed)
+        else:
+            self.board.ledger.undo()
 
     def do(self, message: SessionScreen.Wanted) -> None:
         """Begin a joint fit or a comparison."""

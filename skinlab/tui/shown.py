@@ -92,6 +92,8 @@ class Review:
     counted: int | None = None  # which loading of the site it is, by what was seen
     protocol: tuple[str, ...] = ()  # which of its steps this is
     otherwise: tuple[str, ...] = ()  # than the protocol says, in clauses
+    asked: Order | None = None  # as the fields have it
+    placed: str = ""  # whether the probe was put on anew since the curve before
 
 
 @dataclass(frozen=True, slots=True)

@@ -18,7 +18,7 @@ from skinlab.tui.part import Part, PartedApp
 from skinlab.tui.protocol_check import against_protocol
 from skinlab.tui.protocol_steps import ProtocolSteps
 from skinlab.tui.shown import Review
-from skinlab.tui.ui_state import MEASURING, WHOSE, Level
+from skinlab.tui.ui_state import MEASURING, WHOSE, Board, Level
 
 
 class Starting(Part):
@@ -81,6 +81,16 @@ class Starting(Part):
         note = f"the next curve is a first loading: fully rested, or another spot{seen}"
         self.board.answer(Level.INFO, note)
 
+    def put_on_anew(self) -> None:
+        """Take the next curve for one of another placement, or not, because the operator says so.
+
+        The count of loadings goes on: the site has not rested.
+        """
+        self.board.withdraw()
+        self.fields.follow()  # what was typed last may not have come through
+        self.board.name(self.fields.who)
+        self.board.put_on_anew(self._now())
+
     def check(self) -> None:
         """Show what will happen; connect first where that must be. Nothing moves yet."""
         self.board.withdraw()
@@ -136,15 +146,20 @@ class Starting(Part):
 
     def _show(self, order: Order) -> None:
         """Show what will happen; `confirm` does it."""
-        fields, board = self.fields, self.board
+        fields, board, asked = self.fields, self.board, order
         # The same once more after a lost link is what was left, not all from the beginning
-        goes_on = board.left is not None and order == board.asked
-        if goes_on and board.left is not None:
-            order = order.with_left(board.left)
-        counted = None if goes_on else board.next_cycle
+        left = board.left if _is_rest(order, board) else None
+        if left is not None:
+            order = order.with_left(left)
+        placement, placed = board.next_placement(order.setup, self._now())
+        if left is not None and board.put_on is None:
+            placement = order.setup.placement
+        goes_on = left is not None and placement == order.setup.placement
+        order = replace(order, setup=replace(order.setup, placement=placement))
+        counted = None if left is not None else board.next_cycle
         protocol: tuple[str, ...] = ()
         otherwise: tuple[str, ...] = ()
-        if not goes_on:
+        if left is None:
             assumed = fields.assumed_thickness
             protocol, otherwise = against_protocol(board, order, assumed_thickness=assumed)
         review = Review(
@@ -155,6 +170,8 @@ class Starting(Part):
             counted,
             protocol,
             otherwise,
+            asked,
+            placed,
         )
         self.main.set_focus(None)
         self.app.guard.hidden()
@@ -187,10 +204,10 @@ class Starting(Part):
         board.series, board.order, board.visit = order, order, order.visit
         board.begin("arming", "")
         self.main.close_fields(closed=True)
-        if review.goes_on:  # `asked` stays
+        board.asked = review.asked
+        if review.goes_on:
             self.app.perform(MEASURING, lambda: self.bench.go_on(vents))
         else:
-            board.asked = order
             self.app.perform(MEASURING, lambda: self.bench.measure(order, vents))
 
     def port_chosen(self, port: str | None) -> None:
@@ -214,3 +231,13 @@ class Starting(Part):
         self.board.begin("connecting", f"connecting to {port} …")
         anew, self.anew = self.anew, False
         self.app.perform("connecting", lambda: self.bench.serve(port, anew=anew))
+
+
+def _is_rest(order: Order, board: Board) -> bool:
+    """Return whether this was asked for and is not over; loadings were counted meanwhile."""
+    asked, left = board.asked, board.left
+    if asked is None or left is None:
+        return False
+    cycle = order.setup.cycle
+    same = order == replace(asked, setup=replace(asked.setup, cycle=cycle))
+    return same and cycle in {left.setup.cycle, board.next_cycle}

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from skinlab.mechanics.names import beyond_zero, unit_of
+from skinlab.recording.session_fit import comparable
 from skinlab.report.rounding import decimals, rounded
 from skinlab.report.verdict import Step, Use
 from skinlab.tui.value_text import name_of
@@ -34,6 +35,7 @@ class Repeats:
     mean: dict[str, float]
     sd: dict[str, float]  # of one curve, n - 1 in the denominator
     loose: dict[str, tuple[int, ...]] = field(default_factory=dict)  # by curves that do not fix it
+    joined: bool = True  # whether the joint fit has them
 
 
 def left_out(entries: Iterable[Entry], excluded: Mapping[int, str]) -> dict[int, str]:
@@ -59,6 +61,7 @@ def repeats(entries: Iterable[Entry], excluded: Mapping[int, str]) -> list[Repea
     """Return the groups of at least two curves that can be averaged."""
     all_entries = list(entries)
     out = left_out(all_entries, excluded)
+    joined = {id(c) for c in comparable([e.curve for e in all_entries if e.index not in excluded])}
     groups: dict[tuple[float, str, bool], list[Entry]] = {}
     for entry in all_entries:
         if entry.index not in out:
@@ -87,6 +90,7 @@ def repeats(entries: Iterable[Entry], excluded: Mapping[int, str]) -> list[Repea
                 {name: float(np.mean(v)) for name, v in kept.items()},
                 {name: float(np.std(v, ddof=1)) for name, v in kept.items()},
                 {name: tuple(of) for name, of in loose.items()},
+                all(id(entry.curve) in joined for entry in members),
             )
         )
     return found
@@ -111,9 +115,10 @@ def repeats_lines(groups: Iterable[Repeats], out: Mapping[int, str] | None = Non
             )
         if values:
             lines.append(f"  {', '.join(values)}")
+        together = "; j fits them together" if group.joined else ""
         lines += [
             f"  {name_of(name)}: no mean, curve{'s' * (len(of) > 1)} {_numbers(of)} "
-            f"{'do' if len(of) > 1 else 'does'} not fix it; j fits them together"
+            f"{'do' if len(of) > 1 else 'does'} not fix it{together}"
             for name, of in group.loose.items()
         ]
     lines += [f"Curve {index} is in no mean: {why}" for index, why in (out or {}).items()]

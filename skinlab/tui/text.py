@@ -166,15 +166,21 @@ def _progress(live: Live) -> str:
 
 
 def order_lines(
-    order: Order, *, assumed_thickness: bool = False, counted: int | None = None
+    order: Order,
+    *,
+    assumed_thickness: bool = False,
+    counted: int | None = None,
+    placed: str = "",
 ) -> list[str]:
     """Return what will happen, for a last look before the start.
 
-    `counted` is which loading of the site this is by what the program has seen.
+    `counted` is which loading of the site this is by what the program has seen, `placed` whether
+    the probe sits as before.
     """
     setup, program = order.setup, order.setup.program
     assumed = " (default, not measured)" if assumed_thickness else ""
     repeats = f"{order.repeats}, {order.rest_s:g} s rest between" if order.repeats > 1 else "once"
+    loading = f"loading  {setup.cycle} of this site{_as_stated(setup.cycle, counted)}"
     return [
         f"subject  {order.subject or 'NONE GIVEN'}",
         f"site     {order.site or 'none given'}",
@@ -183,7 +189,7 @@ def order_lines(
         f"program  {shortened(str(program), _MOST_PROGRAM)}",
         *([] if program is None else [f"         {program_words(program)}"]),
         *([] if program is None else [f"peak     {program_extent(program)}"]),
-        f"loading  {setup.cycle} of this site{_as_stated(setup.cycle, counted)}",
+        ", ".join(filter(None, (loading, placed))),
         f"repeats  {repeats}",
     ]
 

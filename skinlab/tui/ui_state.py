@@ -79,6 +79,7 @@ _DOING = {
     Phase.SEARCHING: SEARCHING,
     Phase.CHECKING: SEARCHING,
 }
+PLACED_KEY = "Ins"  # says that the probe was put on anew
 EXPLAINING = "explaining"  # what the model misses; everything else goes on beside it
 _MOST_EARLIER = 4  # curves drawn behind the shown one
 _MOVING = frozenset({_S.ARMED, _S.RUNNING, _S.VENTING})
@@ -135,6 +136,8 @@ class Board:
         # Of each subject and site, in this program: a new session does not rest the skin
         self._doses: dict[tuple[tuple[str, str] | None, bool], DoseMeter] = {}
         self._loadings: dict[tuple[tuple[str, str], bool], int] = {}
+        # Label of the placement that begins with the next curve: the probe was put on anew
+        self._put_on: dict[tuple[str, str], str] = {}
         self.ledger = Ledger()
         self.joint: Identification | None = None  # of the curves that are used
         self.compared: list[str] = []  # with another session, in sentences
@@ -255,6 +258,40 @@ class Board:
     def next_cycle(self) -> int:
         """Which loading of its site the next curve of whom the fields name will be."""
         return self._loadings.get((self.who, self.simulated), 0) + 1
+
+    @property
+    def put_on(self) -> str | None:
+        """Label of the placement that begins with the next curve of whom the fields name."""
+        return self._put_on.get(self.who)
+
+    def put_on_anew(self, now: datetime) -> None:
+        """Take the next curve of this site for one of another placement, or take that back."""
+        from skinlab.inference.samples import placements_of  # slow to import
+
+        curves = [] if self.elsewhere else [e.curve for e in self.entries.values()]
+        if self._put_on.pop(self.who, None) is not None:
+            self.answer(Level.INFO, "taken back: the probe was not put on anew")
+        elif not curves:
+            self.answer(Level.INFO, "the first curve of a visit begins a placement in any case")
+        else:
+            self._put_on[self.who] = _label(1 + len(set(placements_of(curves))), now)
+            note = f"put on anew: the next curve is loading {self.next_cycle}, of another placement"
+            self.answer(Level.INFO, f"{note}; F8 goes on, {PLACED_KEY} takes it back")
+
+    def next_placement(self, setup: Setup, now: datetime) -> tuple[str | None, str]:
+        """Return the label of the next curve's placement, and whether the probe sits as before.
+
+        Without a label the cycles tell (`placements_of`), so there is none before it is needed: the
+        operator has said something, or the site had loadings in another session.
+        """
+        if self.put_on is not None:
+            return self.put_on, "probe put on anew"
+        if self.elsewhere or not self.entries:
+            return None if setup.cycle == 1 else _label(1, now), ""
+        before = self.entries[max(self.entries)].setup
+        if setup.cycle <= before.cycle or setup.aperture_mm != before.aperture_mm:
+            return None, ""
+        return before.placement, f"probe not lifted (else {PLACED_KEY})"
 
     def is_over(self, now: datetime) -> bool:
         """Whether the open visit was on another day, hours ago: the screen was left open."""
@@ -608,6 +645,7 @@ class Board:
         if not goes_on:
             self.visit = self.path = self.shown = self.begun_at = None
             self.entries.clear()
+            self._put_on.clear()
             self.ledger, self.joint, self.compared = Ledger(), None, []
             self.missing = self.goal_is = None
             self._advised.clear()
@@ -652,6 +690,9 @@ class Board:
                     ended_s=self._now_s,
                 )
                 self.live, self.shown = None, index
+                self._put_on = {
+                    who: one for who, one in self._put_on.items() if one != curve.setup.placement
+                }
                 if cut is not None:
                     self.told.append((f"curve {index} was cut short: {cut}", Level.WARNING))
             case Identified(index, _, result):
@@ -706,3 +747,8 @@ class Board:
         note = event_note(event)
         if note is not None:
             self.say(Level(note[0]), note[1])
+
+
+def _label(number: int, now: datetime) -> str:
+    """Return the label of a placement of a session: no other session of the day has it."""
+    return f"{number} ({now:%H:%M:%S})"

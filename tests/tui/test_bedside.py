@@ -154,7 +154,13 @@ def test_only_what_is_alike_is_averaged():
     text = "\n".join(repeats_lines([group], out))
     assert "first loadings" in text
     assert "Curve 2 is in no mean: cut short" in text
-    assert "ν: no mean" in text
+    assert "ν: no mean, curves 1, 3, 4 do not fix it; j fits them together" in text
+    again = [entry_of(number) for number in (6, 7)]
+    for entry in again:
+        entry.curve = replace(entry.curve, setup=replace(entry.curve.setup, cycle=2))
+    text = "\n".join(repeats_lines(repeats([entries[0], *again], {})))
+    assert text.endswith("ν: no mean, curves 6, 7 do not fix it")  # j leaves later loadings out
+    assert "j fits them together" in "\n".join(repeats_lines(repeats(again, {})))
 
 
 def test_a_mean_without_scatter_keeps_its_digits():

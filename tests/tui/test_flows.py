@@ -281,6 +281,19 @@ async def test_excluding_noting_fitting_and_undoing(bedside, session_files):
     assert len(session.curves) == 2
 
 
+async def test_what_cannot_be_recorded_does_not_stay_on_the_screen(bedside):
+    """A curve was left out here, and counted everywhere else."""
+    async with bedside() as bed:
+        await bed.connected()
+        await session_screen(bed)
+        await bed.press("n")
+        await bed.until(lambda: isinstance(bed.app.focused, Input))
+        await bed.press(*"red", "enter")
+        await bed.until(lambda: "there is no session to keep this in" in bed.board.note)
+        assert not bed.board.ledger.notes
+        assert bed.board.ledger.undo() is None
+
+
 @pytest.mark.long
 async def test_comparing_with_an_earlier_session(bedside):
     async with bedside() as bed:

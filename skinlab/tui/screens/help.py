@@ -21,6 +21,7 @@ v  Esc    vent: open the valve now, and stop
 F3  Tab   the settings; Tab and Enter go round, F3 leaves
 F4        lists: sites on the body, openings, programs
 F6        the site has rested: count loadings from 1
+Ins       the probe was put on anew, without a full rest
 F2        choose a port
 F5        visits: search, compare, trend
 s         session: means, joint fit, compare, leave out
@@ -58,7 +59,8 @@ event, j asks for a time, 1 to 9 and a click on the time line go there, back as 
 Whatever names a key can be clicked: the bottom line, windows, the next step, SUCTION (vents).
 
 Loadings are counted for each site, over all sessions of this program: a later one is never taken \
-for a first. F6 says that the site has fully rested.
+for a first. F6 says that the site has fully rested. Where the probe was lifted and put on again \
+without that, Ins (or Ctrl+Y) says so: the next curve is of another placement, the count goes on.
 
 The session file is written after each curve, and everything goes to its journal as it happens. \
 Another subject or site begins another visit, with a thickness of its own; another opening goes on \

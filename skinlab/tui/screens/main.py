@@ -18,7 +18,7 @@ from textual.widgets import DataTable, Input, Static
 from skinlab.tui.shown import Review
 from skinlab.tui.text import settings_line
 from skinlab.tui.typing_guard import CHECK_KEY, CONFIRM_KEY, TypingGuard
-from skinlab.tui.ui_state import Board
+from skinlab.tui.ui_state import PLACED_KEY, Board
 from skinlab.tui.widgets.card import Card
 from skinlab.tui.widgets.curve_plot import CurvePlot
 from skinlab.tui.widgets.curves import Curves
@@ -82,6 +82,15 @@ class MainScreen(Screen[None]):
             show=False,
             priority=True,
             id="rested",
+        ),
+        Binding(
+            "insert,ctrl+y",
+            "want('placed')",
+            "Put on anew",
+            key_display=PLACED_KEY,
+            show=False,
+            priority=True,
+            id="placed",
         ),
         Binding("f5", "want('visits')", "Visits", key_display="F5", priority=True, id="visits"),
         Binding(

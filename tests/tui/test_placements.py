@@ -1,0 +1,85 @@
+"""A probe that is lifted and put on again: another placement, and the count of loadings goes on."""
+
+from __future__ import annotations
+
+from datetime import datetime
+
+import pytest
+
+from skinlab.curves.curve import Setup
+from skinlab.inference.samples import placements_of
+from skinlab.recording.load_inputs import read_input
+from skinlab.recording.session import read_session
+from skinlab.tui.ui_state import Board
+
+
+async def test_the_operator_says_that_the_probe_was_put_on_anew(bedside, tmp_path):
+    """It could not be said: the curve counted as a later loading of the placement before."""
+    async with bedside(now=lambda: datetime(2026, 3, 1, 9, 5, 7)) as bed:
+        await bed.connected()
+        await bed.press("insert")
+        assert "the first curve of a visit begins a placement" in bed.board.note
+        await bed.fill("subject", "P01")
+        await bed.fill("repeats", "1")
+        await bed.run()
+        await bed.check()
+        assert "loading  2 of this site, probe not lifted (else Ins)" in bed.text("#card-text")
+        await bed.press("insert")
+        assert bed.board.review is None
+        assert "the next curve is loading 2, of another placement" in bed.board.note
+        await bed.press("insert")
+        assert "taken back" in bed.board.note
+        await bed.press("ctrl+y")
+        await bed.check()
+        assert "loading  2 of this site, probe put on anew" in bed.text("#card-text")
+        await bed.press("v")
+        await bed.until(lambda: bed.board.can_arm and bed.board.review is None)
+        await bed.run()  # the vent has not taken it back
+        await bed.run()
+        await bed.press("f6")
+        await bed.run()
+        assert [e.setup.placement for e in bed.board.entries.values()] == [
+            None, "2 (09:05:07)", "2 (09:05:07)", None,
+        ]  # fmt: skip
+        await bed.quit()
+    (path,) = tmp_path.glob("*.h5")
+    curves = read_session(path).curves
+    assert [curve.setup.cycle for curve in curves] == [1, 2, 3, 1]
+    assert placements_of(read_input(path, None).curves) == [0, 1, 1, 2]
+
+
+def test_a_session_that_goes_on_counting_begins_a_placement():
+    """With the session before it would have been one placement: its cycles go up."""
+    board, nine = Board("p"), datetime(2026, 3, 1, 9)
+    assert board.next_placement(Setup(6.0, 1.0), nine) == (None, "")
+    assert board.next_placement(Setup(6.0, 1.0, cycle=3), nine) == ("1 (09:00:00)", "")
+
+
+@pytest.mark.long
+async def test_after_a_lost_link_only_what_is_left_is_taken_again(bedside, tmp_path):
+    """Loadings were counted meanwhile, so all repeats were taken again: one suction too many."""
+    faults = tmp_path / "faults" / "FAULTS.toml"
+    faults.parent.mkdir()
+    faults.write_text('[[fault]]\nkind = "unplug"\nat_s = 8.0\nfor_s = 4.0\n')
+    async with bedside(f"sim://?seed=1&speed=5&faults={faults}") as bed:
+        await bed.connected()
+        await bed.fill("subject", "P01")
+        await bed.fill("repeats", "2")
+        await bed.fill("rest_s", "0")
+        await bed.start()
+        await bed.until(lambda: bed.board.alarm is not None)
+        await bed.until(lambda: "the link is back" in bed.board.note)
+        assert bed.board.left.repeats == 1
+        await bed.confirm()
+        await bed.until(lambda: bed.board.can_arm)
+        await bed.check()
+        said = bed.text("#card-text")
+        assert "loading  3 of this site, probe not lifted (else Ins)" in said
+        assert "repeats  once" in said
+        await bed.press("insert")  # the alarm said that it is to be lifted
+        await bed.run()
+        assert bed.board.left is None
+        setups = [e.setup for e in bed.board.entries.values()]
+    assert [(s.cycle, s.repeat, s.placement is None) for s in setups] == [
+        (1, 1, True), (2, 2, True), (3, 2, False),
+    ]  # fmt: skip
