@@ -120,7 +120,7 @@ def command(
         from skinlab.report.missing_effect import write_report
 
         try:
-            echo(f"report: {write_report(outcome, report)}", err=True)
+            echo(f"report: {write_report(outcome, report, curves.title)}", err=True)
         except InputError as error:
             lost.append(str(error))
     if as_json:

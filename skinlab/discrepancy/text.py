@@ -19,6 +19,7 @@ from skinlab.text import counted, inert
 _SHOWN = 5
 _BY_CHANCE = 0.1  # from here on how often chance does as much says nothing
 _ROWS = 6  # of a learned function
+_TIED = 3  # explanations whose values are told
 _NAME_WIDTH, _VALUE_WIDTH = 28, 32  # of columns of parameters, at least
 
 
@@ -181,7 +182,9 @@ def doubt_words(outcome: Outcome) -> list[str]:
     lines = []
     if outcome.trials:
         good = not _failed(outcome)
-        lines.append("What stands behind it:" if good else f"{_doubted(outcome)}, because:")
+        tied = outcome.verdict.name == "ambiguous"
+        it = _name(outcome.best, set(outcome.found.base.effects)) if tied else "it"
+        lines.append(f"What stands behind {it}:" if good else f"{_doubted(outcome)}, because:")
         lines += [f"  {t.sentence}" for t in outcome.trials if good or not t.passed]
     lines += _open_words(outcome)
     if outcome.found.implausible:
@@ -257,6 +260,13 @@ def lead_words(outcome: Outcome) -> list[str]:
     ]
 
 
+def places_words(outcome: Outcome) -> str:
+    """Return what the places are: a heading."""
+    if not outcome.where or outcome.where[0].p_value < NAMES.significant:
+        return "Where the model as it is disagrees"
+    return "Where the model as it is leaves most, though no place stands out by itself"
+
+
 def where_words(place: Place) -> str:
     """Return one place in a line."""
     low, high = (round(p) for p in place.pressure_mbar)  # whole: there is no -0
@@ -271,11 +281,14 @@ def where_words(place: Place) -> str:
 def parameter_table(outcome: Outcome) -> tuple[list[str], list[tuple[str, ...]]]:
     """Return heads, and rows (name, before, after) with 90 % intervals.
 
-    Where nothing is explained, nothing comes after: (name, value).
+    Where nothing is explained, nothing comes after: (name, value). Explanations that are tied have
+    values of their own; those of the first few are told.
     """
     columns = {"value": outcome.parameters(outcome.found.base)}
     if outcome.verdict.explanations:
-        columns = {"before": columns["value"], "after": outcome.parameters(outcome.best)}
+        columns = {"before": columns["value"]} | {
+            after: outcome.parameters(one) for after, one in explained_by(outcome)
+        }
     rows = []
     names = dict.fromkeys(name for column in columns.values() for name in column)
     for name in sorted(names, key=is_effects):  # the law's first
@@ -283,6 +296,31 @@ def parameter_table(outcome: Outcome) -> tuple[list[str], list[tuple[str, ...]]]
         values = (_value(column.get(name)) for column in columns.values())
         rows.append((f"{label} ({unit})" if unit else label, *values))
     return ["parameter", *columns], rows
+
+
+def explained_by(outcome: Outcome) -> list[tuple[str, Candidate]]:
+    """Return what comes after: the explanation; where some are tied, the first few, by name."""
+    explanations = outcome.verdict.explanations
+    if outcome.verdict.name != "ambiguous":
+        return [("after", outcome.best)] if explanations else []
+    own = set(outcome.found.base.effects)
+    return [(f"with {_name(one, own)}", one) for one in explanations[:_TIED]]
+
+
+def values_words(outcome: Outcome) -> str:
+    """Return what the columns of parameters are of."""
+    if not outcome.verdict.explanations:
+        return "Values with 90 % intervals, by the model as it is."
+    if outcome.verdict.name != "ambiguous":
+        return "Values with 90 % intervals. The change is the bias that the missing effect caused."
+    count = len(outcome.verdict.explanations)
+    which = (
+        "the tied explanations" if count <= _TIED else f"the first {_TIED} of {count} that are tied"
+    )
+    return (
+        f"Values with 90 % intervals, by the model as it is and by {which}. Which of these is true "
+        "is open, and so are the values."
+    )
 
 
 def _parameter_lines(outcome: Outcome) -> list[str]:
@@ -309,9 +347,10 @@ def gap_words(outcome: Outcome) -> str:
     weighed = f"{before.rms_um:.1f} µm ({before.rms_um / before.noise_um:.1f} × noise)"
     text = f"Gap {what}: {before.plain_um:.1f} µm"
     if outcome.verdict.explanations:
-        text += f" before, {after.plain_um:.1f} µm after"
+        name = explained_by(outcome)[0][0]  # "after", or of which one
+        text += f" before, {after.plain_um:.1f} µm {name}"
         weighed += (
-            f" before, {after.rms_um:.1f} µm ({after.rms_um / after.noise_um:.1f} × noise) after"
+            f" before, {after.rms_um:.1f} µm ({after.rms_um / after.noise_um:.1f} × noise) {name}"
         )
     slow = "errors that last" if outcome.placement is None else "placements and errors that last"
     return f"{text}. Less what {slow} may have done: {weighed}."
@@ -422,12 +461,7 @@ def describe(outcome: Outcome) -> str:
         lines.append(f"The function ({one.y_name} by {one.x_name}), with its 90 % band:")
         lines += [f"  {x:>8}  {y:>9}  ({band})" for x, y, band in function_rows(outcome)]
     if outcome.where:
-        stands_out = outcome.where[0].p_value < NAMES.significant
-        lines.append(
-            "Where the model as it is disagrees:"
-            if stands_out
-            else "Where the model as it is leaves most, though no place stands out by itself:"
-        )
+        lines.append(f"{places_words(outcome)}:")
         lines += [f"  {where_words(p)}" for p in outcome.where[:_SHOWN]]
     if outcome.verdict.name != "none" and outcome.found.candidates:
         lines.append("Explanations:")
@@ -436,6 +470,8 @@ def describe(outcome: Outcome) -> str:
             fits = "explains the data" if c.adequate else "does not explain the data"
             lines.append(f"  {explanation_words(c, own)}")
             lines.append(f"      {odds}; {fits}")
+    if outcome.verdict.name == "ambiguous":
+        lines.append(values_words(outcome))
     lines += _parameter_lines(outcome)
     lines += limits_words(outcome)
     lines += alike_words(outcome) + next_words(outcome)

@@ -13,6 +13,7 @@ from skinlab.discrepancy.odds import chance_words, each_behind
 from skinlab.discrepancy.outcome import Outcome
 from skinlab.discrepancy.text import (
     doubt_words,
+    explained_by,
     explanation_words,
     function_rows,
     gap_words,
@@ -22,8 +23,10 @@ from skinlab.discrepancy.text import (
     limits_words,
     next_words,
     parameter_table,
+    places_words,
     repeats_words,
     shares_words,
+    values_words,
     verdict_words,
     where_words,
 )
@@ -64,16 +67,16 @@ def _text(path: Path) -> str:
     return path.read_text(encoding="utf-8", errors="replace")
 
 
-def write_report(outcome: Outcome, folder: Path) -> Path:
+def write_report(outcome: Outcome, folder: Path, title: str = "") -> Path:
     """Write the page into the folder; return its path.
 
-    What an interrupted run left there is removed: it is known now.
+    `title` is the campaign's. What an interrupted run left there is removed: it is known now.
 
     Raises:
         InputError: as `check_report`.
     """
     to = check_report(folder)
-    write_file(to, render(outcome), replace=True)
+    write_file(to, render(outcome, title), replace=True)
     partial = folder / _PARTIAL
     with cannot_write(partial):
         if partial.is_file() and _text(partial).startswith(_PARTIAL_MARK):
@@ -90,8 +93,8 @@ def write_partial(text: str, folder: Path) -> None:
     write_file(folder / _PARTIAL, inert_lines(text) + "\n", replace=True)
 
 
-def render(outcome: Outcome) -> str:
-    """Return the page's text; the same outcome gives the same text."""
+def render(outcome: Outcome, title: str = "") -> str:
+    """Return the page's text, with the campaign's title; the same outcome gives the same text."""
     sections = [
         Section(
             "Verdict",
@@ -108,7 +111,7 @@ def render(outcome: Outcome) -> str:
             points=[line.strip() for line in doubt_words(outcome)],
         ),
         Section(
-            "Where the model as it is disagrees",
+            places_words(outcome),
             [] if outcome.where else ["Nowhere by more than the noise."],
             points=[where_words(p) for p in outcome.where],
             figures=_residuals(outcome),
@@ -121,15 +124,13 @@ def render(outcome: Outcome) -> str:
         ),
         _methods(outcome),
     ]
-    return page("What is missing in the model", sections, subtitle=_MARK)
+    subtitle = f"{title}: {_MARK}" if title else _MARK
+    return page("What is missing in the model", sections, subtitle=subtitle)
 
 
 def _parameters(outcome: Outcome) -> Section:
-    heading, said = "Parameters", "Values with 90 % intervals, by the model as it is."
-    if outcome.verdict.explanations:
-        heading = "Parameters before and after"
-        said = "Values with 90 % intervals. The change is the bias that the missing effect caused."
-    return Section(heading, [said], tables=[Table(*parameter_table(outcome))])
+    heading = "Parameters before and after" if outcome.verdict.explanations else "Parameters"
+    return Section(heading, [values_words(outcome)], tables=[Table(*parameter_table(outcome))])
 
 
 def _learned(outcome: Outcome) -> list[Section]:
@@ -252,6 +253,8 @@ def _residuals(outcome: Outcome) -> list[Illustration]:
     with style():
         source = to_data_uri(draw_residuals(outcome), "png")
     fits = "before and after the effect was added"
+    if outcome.verdict.name == "ambiguous":
+        fits = f"of the model as it is, and {explained_by(outcome)[0][0]}"
     if not outcome.verdict.explanations:
         fits = "of the model as it is"
     return [
@@ -267,7 +270,8 @@ def draw_residuals(outcome: Outcome) -> Figure:
     """Return residuals of every curve, before and after, against time; called in `style()`."""
     fits: list[tuple[str, Fit]] = [("the model as it is", outcome.found.base.fit)]
     if outcome.verdict.explanations:
-        fits = [("before", outcome.found.base.fit), ("after", outcome.best.fit)]
+        after, best = explained_by(outcome)[0]
+        fits = [("before", outcome.found.base.fit), (after, best.fit)]
     records = outcome.found.records
     columns = 2
     rows = (len(records) + 1) // columns

@@ -15,6 +15,7 @@ from skinlab.inference.result import Identification
 from skinlab.mechanics.materials.base import NU_CONSISTENT
 from skinlab.mechanics.names import is_poisson
 from skinlab.quality.gates.base import Finding
+from skinlab.recording.session_fit import comparable
 from skinlab.report.rounding import decimals, interval_words, rounded
 from skinlab.report.text import errors_in_short, explain
 from skinlab.report.verdict import Step, Use, Verdict, judge, step_words
@@ -121,7 +122,7 @@ def _of_entry(board: Board, entry: Entry) -> VerdictText:
 
 def _following(board: Board, verdict: Verdict) -> str:
     """Return the one next step, with its key."""
-    openings = {curve.setup.aperture_mm for curve in board.used if not curve.partial}
+    openings = {curve.setup.aperture_mm for curve in comparable(board.used)}
     walk = board.walk
     if verdict.use is Use.GOOD and board.goal_is is not None and (walk is None or not walk.next):
         return board.goal_is.words
@@ -141,7 +142,7 @@ def _following(board: Board, verdict: Verdict) -> str:
         case Step.OTHER_OPENING if len(openings) > 1:
             return "s, then j: fit the openings together"
         case Step.OTHER_OPENING:
-            return "another opening after a rest (F8); then s, j fit all"
+            return "another opening after a rest (F6, F8); s, j fit all"
         case Step.REST:
             return "let the site rest, then F6 (also for another spot)"
         case Step.REPEAT_TO_CONFIRM if len(board.used) > 1:

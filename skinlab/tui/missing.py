@@ -46,6 +46,7 @@ def outcome_rows(outcome: Outcome, columns: int, lines: int = 0) -> Rows:
         alike_words,
         doubt_words,
         limits_words,
+        places_words,
         repeats_words,
         where_words,
     )  # fmt: skip
@@ -59,7 +60,7 @@ def outcome_rows(outcome: Outcome, columns: int, lines: int = 0) -> Rows:
     rows += [[], *_multiples(outcome, columns, lines - len(rows) - len(behind))]
     rows += behind
     if outcome.where:
-        rows += [[], [("Where the model as it is disagrees:", "quiet")]]
+        rows += [[], [(f"{places_words(outcome)}:", "quiet")]]
         rows += [[(f"  {where_words(place)}", "quiet")] for place in outcome.where[:_MOST]]
     rows += [[], *([(line, "quiet")] for line in limits_words(outcome, _least_words))]
     for line in alike_words(outcome):
@@ -217,22 +218,29 @@ def _share_rows(outcome: Outcome) -> Rows:
 
 def _value_rows(outcome: Outcome, columns: int) -> Rows:
     """Return what the model has, its own effects too, before and after, on one scale each."""
+    from skinlab.discrepancy.text import explained_by
+
     before = outcome.parameters(outcome.found.base)
-    after = outcome.parameters(outcome.best) if outcome.verdict.explanations else {}
+    found_by = [(words, outcome.parameters(one)) for words, one in explained_by(outcome)]
     rows: Rows = [[("Values, with 90 % intervals:", "quiet")]]
+    if len(found_by) > 1:
+        rows[0] = [("Values, with 90 % intervals; which explanation is true is open:", "quiet")]
+    longest = max(7, *(len(words) for words, _ in found_by)) if found_by else 7
     for name in before:
-        pairs = [("before", before[name])] + ([("after", after[name])] if name in after else [])
+        pairs = [("before", before[name])]
+        pairs += [(words, after[name]) for words, after in found_by if name in after]
         values = [(when, Value(**found)) for when, found in pairs]
         ends = [x for _, v in values for x in (v.low, v.high) if x is not None]
         rows.append([(f" {name_of(name)} {meaning(name)}", "text")])
         low, high, logarithmic = value_scale(name, ends or [values[0][1].value])
         left, right = f"{low:g} ", f" {high:g} "
-        width = min(columns - 10 - len(left) - len(right) - 26, 2 * _BAR[1])
+        width = min(columns - 3 - longest - len(left) - len(right) - 26, 2 * _BAR[1])
         for when, value in values:
-            row = [(f"  {when:<7} " if len(values) > 1 else "  ", "quiet")]
+            row = [(f"  {when:<{longest}} " if len(values) > 1 else "  ", "quiet")]
             if width >= 8 and value.low is not None:
                 drawn = scaled_bar(value, low, high, width, logarithmic=logarithmic)
-                row += [(left, "quiet"), (drawn, when), (right, "quiet")]
+                style = "before" if when == "before" else "after"
+                row += [(left, "quiet"), (drawn, style), (right, "quiet")]
             rows.append([*row, (size_words(name, value), "text")])
     return rows
 
@@ -242,9 +250,10 @@ def _value_rows(outcome: Outcome, columns: int) -> Rows:
 
 def _multiples(outcome: Outcome, columns: int, lines: int) -> Rows:
     """Return the residuals of each curve, before and after, on one scale; noise shaded."""
+    from skinlab.discrepancy.text import explained_by
+
     fits = [("before", outcome.found.base.fit)]
-    if outcome.verdict.explanations:
-        fits.append(("after", outcome.best.fit))
+    fits += [(words, one.fit) for words, one in explained_by(outcome)[:1]]
     records = outcome.found.records
     across = max(1, min(columns // (_PANEL_COLUMNS + 2), len(records)))
     width = max(columns // across - 2, 8)
@@ -297,10 +306,11 @@ def _panel(
         caption = f"{when}{digits(rms, 2)} µm rms"
         rows.append([(shortened(caption, width).ljust(width), "quiet")])
         at = (np.arange(len(left_um)) + 0.5) / max(len(left_um), 1)
+        style = "before" if name == "before" else "after"
         main = dots(at, share(left_um, -most_um, most_um), width, height)
         band = _shade(_NOISE * noise_um / most_um, width, height)
         rows += [
-            [(text, (name, "band")[layer]) for text, layer in row] for row in runs((main, band))
+            [(text, (style, "band")[layer]) for text, layer in row] for row in runs((main, band))
         ]
     return rows
 

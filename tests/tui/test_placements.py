@@ -2,15 +2,24 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from datetime import datetime
 
 import pytest
+from shown import entry_of
 
+from drivers.events import Hello
+from skinlab.acquisition.messages import Connected
 from skinlab.curves.curve import Setup
+from skinlab.curves.program import parse_program
 from skinlab.inference.samples import placements_of
 from skinlab.recording.load_inputs import read_input
 from skinlab.recording.session import read_session
+from skinlab.tui.card_text import verdict_text
+from skinlab.tui.text import program_extent
 from skinlab.tui.ui_state import Board
+
+HELLO = Hello("reference", 1, "rig", "1.0", "7", 8.0, 500.0, 60.0, 1.0, 1000.0, simulated=False)
 
 
 async def test_the_operator_says_that_the_probe_was_put_on_anew(bedside, tmp_path):
@@ -83,3 +92,28 @@ async def test_after_a_lost_link_only_what_is_left_is_taken_again(bedside, tmp_p
     assert [(s.cycle, s.repeat, s.placement is None) for s in setups] == [
         (1, 1, True), (2, 2, True), (3, 2, False),
     ]  # fmt: skip
+
+
+def test_another_opening_counts_for_the_joint_fit_only_where_it_has_it():
+    """After a later loading `j` was said to fit both openings, and left the second one out."""
+    board = Board("p")
+    board.see(Connected("p", HELLO))
+    first, second = entry_of(1), entry_of(2)
+    other = replace(second.curve.setup, aperture_mm=8.0)
+    for cycle, words in ((2, "another opening after a rest (F6, F8)"), (1, "s, then j: fit")):
+        second.curve = replace(second.curve, setup=replace(other, cycle=cycle))
+        board.entries = {1: first, 2: second}
+        board.shown = 2
+        assert verdict_text(board).following.startswith(words)
+
+
+@pytest.mark.parametrize(
+    ("program", "words"),
+    [
+        ("ramp:400@16,ramp:0@16", "up to 400 mbar, 50 s under suction"),
+        ("mode4:100@20,2,3", "up to 100 mbar, 15 s under suction, 5 s without a pause"),
+    ],
+)
+def test_the_way_down_is_suction_too(program, words):
+    """The summary said 25 s without a pause, of 50."""
+    assert program_extent(parse_program(program)) == words

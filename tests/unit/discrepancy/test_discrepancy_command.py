@@ -147,7 +147,7 @@ def test_an_interrupted_run_says_what_it_knows(campaign, tmp_path, capsys, monke
     assert "more than noise" in capsys.readouterr().err
     assert "more than noise" in (report / "partial.txt").read_text()
     # A finished report takes its place: "known so far" stood beside it
-    monkeypatch.setattr("skinlab.report.missing_effect.render", lambda _: "")
+    monkeypatch.setattr("skinlab.report.missing_effect.render", lambda *_: "")
     page = write_report(None, report)
     assert list(report.iterdir()) == [page]
     page.unlink()

@@ -5,12 +5,15 @@ from __future__ import annotations
 import pytest
 from shown import outcome as named_outcome
 
-from skinlab.discrepancy.adequacy import Residual
-from skinlab.discrepancy.text import parameter_table
+from skinlab.discrepancy.adequacy import Place, Residual
+from skinlab.discrepancy.text import parameter_table, values_words
 from skinlab.discrepancy.verdict import Verdict
 from skinlab.report import missing_effect
 from skinlab.report.missing_effect import draw_residuals, render
 from skinlab.report.pictures import style
+from skinlab.tui.missing import outcome_rows
+
+PLACE = Place("curve 1", "load", (10.0, 20.0), (0.5, 1.0), 30.0, 2.0, 1.0)
 
 
 @pytest.fixture
@@ -57,3 +60,29 @@ def test_where_nothing_is_found_nothing_has_changed(unknown):
         [("X1 (MPa)", "0.02  (0.019 to 0.021)")],
     )
     assert fits_drawn(unknown) == ["the model as it is"]
+
+
+def test_explanations_that_are_tied_have_values_of_their_own(outcome):
+    """The first one's were "after", and "the bias that the missing effect caused"."""
+    best, second = outcome.found.candidates
+    outcome.verdict, outcome.where = Verdict("ambiguous", [best, second]), [PLACE]
+    of_second = {"X1_MPa": {"value": 0.04, "low": 0.03, "high": 0.05}}
+    known = outcome.parameters
+    outcome.parameters = lambda one: of_second if one is second else known(one)
+    text = render(outcome, "forearm <left>")
+    assert "forearm &lt;left&gt;: skinlab missing-effect report" in text
+    assert "bias" not in text
+    assert "Which of these is true is open, and so are the values" in text
+    assert "no place stands out by itself" in text
+    assert "against time, of the model as it is, and with pressure_lag" in text
+    heads, rows = parameter_table(outcome)
+    assert heads == ["parameter", "before", "with pressure_lag", "with baseline_drift"]
+    assert rows[0][2:] == ("0.026  (0.024 to 0.029)", "0.04  (0.03 to 0.05)")
+    assert fits_drawn(outcome) == ["before", "with pressure_lag"]
+    screen = "\n".join("".join(text for text, _ in row) for row in outcome_rows(outcome, 80))
+    assert "which explanation is true is open" in screen
+    assert "with baseline_drift" in screen
+    assert " after" not in screen
+
+    outcome.verdict = Verdict("ambiguous", [best, second, best, second])
+    assert "by the first 3 of 4 that are tied" in values_words(outcome)
