@@ -44,9 +44,12 @@ def _found(board: Board, curves: int) -> bool:
 
 async def draw(port: str, size: tuple[int, int], programs: list[str], theme: str) -> str:
     """Return the SVG of the screen after one measurement with each program."""
+
     # A name that is the same every time, in the working directory (see `main`)
-    bench = partial(ProbeSession, now=lambda: datetime(2026, 1, 2, 10, 15))
-    app = SkinlabApp(port, Path("sessions"), bench)
+    def now() -> datetime:
+        return datetime(2026, 1, 2, 10, 15)
+
+    app = SkinlabApp(port, Path("sessions"), partial(ProbeSession, now=now), now=now)
     async with app.run_test(size=size) as pilot:
         app.theme = theme
         main = app.screen
