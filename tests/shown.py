@@ -142,6 +142,7 @@ def outcome():
         repeats_um=2.2,
         shares=Shares(2.0, 0.4, 0.1, 5.8),
         placement=SimpleNamespace(),  # what it is nobody asks
+        error_model=None,
         trials=(),
         doubted=None,
         not_ruled_out=[],

@@ -30,6 +30,7 @@ from skinlab.discrepancy.odds import odds_words
 from skinlab.discrepancy.posterior import gaussian
 from skinlab.discrepancy.records import Record, by_geometry
 from skinlab.discrepancy.settings import NAMES, SEARCH
+from skinlab.inference.covariance import Covariance
 from skinlab.inference.error_choice import ErrorChoice, Node
 from skinlab.inference.noise import legendre
 from skinlab.mechanics.names import is_logarithmic, label
@@ -360,9 +361,19 @@ def shares_of(errors: CampaignErrors, base: Linearised, linear: Linearised) -> S
         (what for name, what in did.items() if name.startswith("placement")), np.zeros_like(mesh)
     )
     # These errors have their own optimum: a fit by others may stand off it, as placements do.
-    gap, left = (one.residual_mm - one.explained_mm(node.covariance) for one in (base, linear))
+    gap, left = (_left(one, node.covariance) for one in (base, linear))
     effect, rest = gap - left, left - mesh - placement
     return Shares(*(1e3 * float(np.sqrt(np.mean(v**2))) for v in (rest, placement, mesh, effect)))
+
+
+def _left(one: Linearised, errors: Covariance) -> Array:
+    """Return what an explanation leaves (u,) at its optimum by these errors.
+
+    Where that is so far off that straight lines lead away from the data, what its own fit leaves.
+    """
+    left = one.residual_mm - one.explained_mm(errors)
+    far = np.mean(left**2) > NAMES.astray**2 * np.mean(one.residual_mm**2)
+    return one.residual_mm if far else left
 
 
 def repeats_um(

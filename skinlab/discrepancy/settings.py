@@ -372,6 +372,10 @@ class NameRules:
     """and up to so much of the noise: the gap stays below 1.2 times the noise."""
     repeats_factor: float = 2.0
     """Repeats that differ by more than so many times the noise are told of first."""
+    noise_factor: float = 2.0
+    """Of noise that is more than so many times the stated one it is told."""
+    astray: float = 2.0
+    """An optimum by straight lines that leaves so many times what the fit leaves is none."""
     contradicted: float = 9.0
     """By so much less is χ² without a model's own priors of effects where the data contradict them:
     of the right ones once in 370."""

@@ -153,6 +153,22 @@ def repeats_words(outcome: Outcome) -> list[str]:
     ]
 
 
+def stated_noise_words(outcome: Outcome) -> list[str]:
+    """Return by how much more noise the readings have than was stated; none where they have not."""
+    model, records = outcome.error_model, outcome.found.records
+    found = None if model is None else model.parameters.get("white_um")
+    if found is None or not all(record.noise_is_stated for record in records):
+        return []
+    stated = float(np.sqrt(np.mean([r.noise_um**2 * r.coarse for r in records])))
+    if found <= NAMES.noise_factor * stated:
+        return []
+    return [
+        f"Each reading is off by {found:.2g} µm, where a noise of {stated:.2g} µm is stated: all "
+        "is judged by what the readings show. Check the statement; if it is right, look for "
+        "movement and contact."
+    ]
+
+
 def left_out_words(outcome: Outcome) -> list[str]:
     """Return how many samples were left out, in a sentence; none where all count."""
     each = [f"{counted(n, 'sample')} of {inert(f)}" for f, n in outcome.found.left_out.items()]
@@ -453,7 +469,7 @@ def describe(outcome: Outcome) -> str:
     """Return the whole text."""
     own = set(outcome.found.base.effects)
     lines = [*repeats_words(outcome), verdict_words(outcome), gap_words(outcome)]
-    lines += left_out_words(outcome)
+    lines += stated_noise_words(outcome) + left_out_words(outcome)
     lines += lead_words(outcome) + learned_words(outcome)
     lines += shares_words(outcome) + doubt_words(outcome)
     if outcome.learned is not None:

@@ -26,6 +26,7 @@ from skinlab.discrepancy.text import (
     places_words,
     repeats_words,
     shares_words,
+    stated_noise_words,
     values_words,
     verdict_words,
     where_words,
@@ -103,6 +104,7 @@ def render(outcome: Outcome, title: str = "") -> str:
                 verdict_words(outcome),
                 *lead_words(outcome),
                 gap_words(outcome),
+                *stated_noise_words(outcome),
                 *left_out_words(outcome),
                 *learned_words(outcome),
                 *shares_words(outcome),
@@ -197,7 +199,7 @@ def _which(outcome: Outcome) -> Section:
             "Screen: every effect's signature against what is left",
         )
     ]
-    if rows:
+    if rows and outcome.verdict.name != "none":  # there they are behind none at all
         tables.insert(
             0,
             Table(

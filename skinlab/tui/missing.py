@@ -73,12 +73,17 @@ def verdict_lines(outcome: Outcome) -> list[str]:
 
     Where explanations are tied, the size of each.
     """
-    from skinlab.discrepancy.text import gap_words, lead_words, verdict_words
+    from skinlab.discrepancy.text import (
+        gap_words,
+        lead_words,
+        stated_noise_words,
+        verdict_words,
+    )
 
     lines = [" ".join([verdict_words(outcome), *lead_words(outcome)])]
     if outcome.learned is None:
         lines += [_effect_size_words(outcome, c) for c in outcome.verdict.explanations[:_MOST]]
-    return [*lines, gap_words(outcome)]
+    return [*lines, gap_words(outcome), *stated_noise_words(outcome)]
 
 
 def _effect_size_words(outcome: Outcome, explanation: Candidate) -> str:

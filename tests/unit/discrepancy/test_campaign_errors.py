@@ -891,6 +891,11 @@ def test_placements_that_differ_are_no_missing_effect(table):
     again = shares_of(search.errors, linear, moved)
     assert again.noise_um == pytest.approx(shares.noise_um, rel=0.02)
     assert again.effect_um < 0.02 * 1e3 * float(np.sqrt(np.mean(off_mm**2)))
+    # Straight lines that lead away: a gap of 42 µm had an effect of 609 µm.
+    wrong = -3.0 * linear.residual_mm
+    astray = SimpleNamespace(residual_mm=linear.residual_mm, explained_mm=lambda _: wrong)
+    gap_um = 1e3 * float(np.sqrt(np.mean(linear.residual_mm**2)))
+    assert shares_of(search.errors, astray, linear).effect_um < 2.0 * gap_um
 
 
 def test_means_of_rounded_readings_keep_the_wave_of_the_rounding(table):

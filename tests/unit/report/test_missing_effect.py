@@ -6,12 +6,13 @@ import pytest
 from shown import outcome as named_outcome
 
 from skinlab.discrepancy.adequacy import Place, Residual
-from skinlab.discrepancy.text import parameter_table, values_words
+from skinlab.discrepancy.text import parameter_table, stated_noise_words, values_words
 from skinlab.discrepancy.verdict import Verdict
+from skinlab.inference.error_judgement import ErrorModelSummary
 from skinlab.report import missing_effect
 from skinlab.report.missing_effect import draw_residuals, render
 from skinlab.report.pictures import style
-from skinlab.tui.missing import outcome_rows
+from skinlab.tui.missing import outcome_rows, verdict_lines
 
 PLACE = Place("curve 1", "load", (10.0, 20.0), (0.5, 1.0), 30.0, 2.0, 1.0)
 
@@ -86,3 +87,24 @@ def test_explanations_that_are_tied_have_values_of_their_own(outcome):
 
     outcome.verdict = Verdict("ambiguous", [best, second, best, second])
     assert "by the first 3 of 4 that are tied" in values_words(outcome)
+
+
+def test_noise_that_is_more_than_stated_is_told(outcome):
+    """Of 3 µm stated and 29 µm found it was "the model explains them to within the noise"."""
+    for record in outcome.found.records:
+        record.noise_is_stated, record.coarse = True, 4  # each the mean of four readings
+    for white_um, told in ((7.9, False), (8.1, True)):
+        outcome.error_model = ErrorModelSummary("white", {"white_um": white_um}, "")
+        assert bool(stated_noise_words(outcome)) is told
+    said = "Each reading is off by 8.1 µm, where a noise of 4 µm is stated"
+    assert said in render(outcome)
+    assert said in "\n".join(verdict_lines(outcome))
+    outcome.found.records[0].noise_is_stated = False
+    assert not stated_noise_words(outcome)
+
+
+def test_where_nothing_is_missing_no_explanation_is_the_best(unknown):
+    """A zero that was off was "the best", of a campaign where nothing was missing."""
+    assert "Explanations that were fitted" in render(unknown)
+    unknown.verdict = Verdict("none", [])
+    assert "Explanations that were fitted" not in render(unknown)
