@@ -537,3 +537,28 @@ async def test_every_screen_has_the_vent_key_while_suction_is_on(bedside):
         await bed.until(lambda: bench.vents > vents)
         await bed.until(lambda: not bed.board.suction)
         await bed.until(lambda: bed.text("#suction") == "suction off")
+
+
+@pytest.mark.parametrize(
+    ("keys", "left"),
+    [
+        (["backspace", "1"], "P-21"),
+        (["backspace", "backspace", "x", "y"], "P-xy"),
+        (["left", "3"], "P-230"),
+        (["home", "Q"], "QP-20"),
+        (["ctrl+u", "R", "1"], "R1"),
+        (["home", "delete", "R"], "R-20"),
+    ],
+)
+async def test_keys_in_one_burst_edit_in_their_order(bedside, keys, left):
+    """Letters overtook the Backspace before them: another subject than was typed."""
+    async with bedside() as bed:
+        await bed.connected()
+        await bed.type("subject", "P-20")
+        for key in keys:
+            bed.app.post_message(events.Key(key, key if len(key) == 1 else None))
+        box = bed.app.screen.query_one("#subject", Input)
+        await bed.until(lambda: box.value == left)
+        await bed.settle()
+        assert box.value == left
+        assert bed.board.who[0] == left

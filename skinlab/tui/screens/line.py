@@ -13,6 +13,7 @@ from textual.widgets import Input, Static
 
 from skinlab.tui.screens.over import OverScreen
 from skinlab.tui.ui_state import Board
+from skinlab.tui.widgets.field import Field
 from skinlab.tui.widgets.hints import Hints
 
 
@@ -40,7 +41,7 @@ class LineScreen(OverScreen[str | None]):
         """Yield the question and the line."""
         with Vertical(id="palette"):
             yield Static(self._question, classes="title", markup=False)
-            yield Input(id="line", compact=True, max_length=20)
+            yield Field(id="line", compact=True, max_length=20)
             yield Hints(("Enter answers", "enter"), ("F8 closes", "f8"))
 
     def on_mount(self) -> None:

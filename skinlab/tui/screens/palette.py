@@ -15,6 +15,7 @@ from textual.widgets.option_list import Option
 
 from skinlab.tui.screens.over import ChoosingScreen
 from skinlab.tui.ui_state import Board
+from skinlab.tui.widgets.field import Field
 from skinlab.tui.widgets.hints import Hints
 
 
@@ -44,7 +45,7 @@ class PaletteScreen(ChoosingScreen):
         """Yield the line and the list."""
         with Vertical(id="palette"):
             yield Static("What do you want to do?", classes="title", markup=False)
-            yield Input(id="palette-line", compact=True, placeholder="type to search")
+            yield Field(id="palette-line", compact=True, placeholder="type to search")
             yield OptionList(id="palette-list", markup=False)
             yield Hints(("Enter chooses", "enter"), ("F8 closes", "f8"))
 

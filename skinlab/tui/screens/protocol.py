@@ -22,6 +22,7 @@ from skinlab.tui.screens.board_screen import BoardScreen
 from skinlab.tui.text import who_text
 from skinlab.tui.typing_guard import CHECK_KEY
 from skinlab.tui.ui_state import Board
+from skinlab.tui.widgets.field import Field
 
 
 def protocol_lines(board: Board) -> list[str]:
@@ -90,7 +91,7 @@ class ProtocolScreen(BoardScreen):
         text = Static("", id="protocol-text", markup=False)
         yield VerticalScroll(text, id="protocol-says", can_focus=False)
         yield Static("", id="protocol-question", markup=False)
-        line = Input(id="protocol-line", compact=True, max_length=60)
+        line = Field(id="protocol-line", compact=True, max_length=60)
         line.display = False
         yield line
 

@@ -24,6 +24,7 @@ from skinlab.tui.text import clock, who_text
 from skinlab.tui.typing_guard import CHECK_KEY
 from skinlab.tui.ui_state import Board, Level
 from skinlab.tui.value_text import column_title, value_columns
+from skinlab.tui.widgets.field import Field
 
 
 class SessionScreen(BoardScreen):
@@ -72,7 +73,7 @@ class SessionScreen(BoardScreen):
         yield DataTable(id="session-curves", cursor_type="row", zebra_stripes=True)
         text = Static("", id="session-text", markup=False)
         yield VerticalScroll(text, id="session-says", can_focus=False)
-        line = Input(id="session-line", compact=True, max_length=200)
+        line = Field(id="session-line", compact=True, max_length=200)
         line.display = False
         yield line
 

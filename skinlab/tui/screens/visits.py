@@ -30,6 +30,7 @@ from skinlab.tui.visits import (
     trend_lines,
     when,
 )
+from skinlab.tui.widgets.field import Field
 
 if TYPE_CHECKING:
     from skinlab.inference.identify import Identifier
@@ -68,7 +69,7 @@ class VisitsScreen(BoardScreen):
     def parts(self) -> Iterator[Widget]:
         """Yield title, search, list and answer."""
         yield Static("Visits: reading …", id="visits-title", markup=False)
-        line = Input(id="visits-search", compact=True, placeholder="words to search for")
+        line = Field(id="visits-search", compact=True, placeholder="words to search for")
         line.display = False
         yield line
         yield DataTable(id="visits", cursor_type="row", zebra_stripes=True)

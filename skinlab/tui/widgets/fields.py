@@ -12,6 +12,7 @@ from textual.widgets import Input, Label, Static
 
 from drivers.events import Hello
 from skinlab.acquisition.measurement_request import DEFAULTS, complaint
+from skinlab.tui.widgets.field import Field
 
 # Rows of (field, label, most characters); fields of one row stand side by side.
 _ROWS: tuple[tuple[tuple[str, str, int], ...], ...] = (
@@ -61,7 +62,7 @@ class Fields(Vertical):
             with Horizontal(classes="row"):
                 for name, label, most in row:
                     yield Label(label, classes=f"label -{name}")
-                    yield Input(
+                    yield Field(
                         self._start[name],
                         id=name,
                         compact=True,
