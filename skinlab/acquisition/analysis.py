@@ -11,6 +11,8 @@ from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
+import numpy as np
+
 from skinlab.acquisition.explainer import Explainer
 from skinlab.acquisition.gc_tuning import shorten_pauses
 from skinlab.acquisition.identification_worker import IdentifierApart
@@ -21,14 +23,18 @@ from skinlab.acquisition.messages import (
     Fitted,
     News,
 )
-from skinlab.errors import AcquisitionError
+from skinlab.curves.curve import Curve
+from skinlab.errors import AcquisitionError, NotTrustworthyError
 
 if TYPE_CHECKING:
     from skinlab.curves.campaign import Campaign
-    from skinlab.curves.curve import Curve
+    from skinlab.curves.curve import Setup
     from skinlab.discrepancy.outcome import Outcome
     from skinlab.inference.identify import Identifier
     from skinlab.mechanics.model_file import Model
+
+
+_LOOKED_AT = 101  # samples of a program, to see whether a database speaks of them
 
 
 class Explain(Protocol):
@@ -110,6 +116,23 @@ class Analysis:
         """Name of the law that curves are identified with; None: not prepared yet. Never slow."""
         identifier = self._identifier
         return None if identifier is None else identifier.database.law
+
+    def complaint(self, setup: Setup) -> str | None:
+        """Return why a curve of this setup would have no whole answer; None: nothing is known.
+
+        Never slow: nothing is known before the identifier is there.
+        """
+        identifier, program = self._identifier, setup.program
+        if identifier is None or program is None:
+            return None
+        times, pressures = program.knots()
+        time_s = np.linspace(0.0, times[-1], _LOOKED_AT)
+        such = Curve("it", setup, time_s, np.interp(time_s, times, pressures), 0.0 * time_s)
+        try:
+            covered = identifier.database.covers(such)
+        except NotTrustworthyError as error:
+            return f"no answer: {str(error).removeprefix('it: ')}"
+        return None if covered.all() else "part of the curve will lie outside the database"
 
     def use(self, identifier: Identifier) -> None:
         """Identify with this one: a record says what it was identified with."""

@@ -97,7 +97,9 @@ def judge(
     if result is None:
         return None
     if result.error is not None:
-        found = Verdict(Use.NOT, f"not identified ({result.error})", Step.MEASURE_AGAIN)
+        # The same again would have no answer either
+        step = Step.CHECK_SETTINGS if "outside_database" in result.flags else Step.MEASURE_AGAIN
+        found = Verdict(Use.NOT, f"not identified ({result.error})", step)
     else:
         found = _of_flags(result.flags)
     if for_effect and found.use is not Use.GOOD and "outside_database" not in result.flags:

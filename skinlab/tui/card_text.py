@@ -172,7 +172,8 @@ def card_text(board: Board, columns: int) -> CardText:
             placed=review.placed,
         )
         lines += [f"protocol {clause}" for clause in review.protocol]
-        lines += [f"{'NOTE':<8} {clause}" for clause in review.otherwise]
+        notes = [*review.otherwise, *filter(None, (review.unanswered,))]
+        lines += [f"{'NOTE':<8} {clause}" for clause in notes]
         return CardText(REVIEW_TITLE, (*lines, *model))
     if live is not None:
         whose = who_text(board.visit)

@@ -93,6 +93,7 @@ class Review:
     protocol: tuple[str, ...] = ()  # which of its steps this is
     otherwise: tuple[str, ...] = ()  # than the protocol says, in clauses
     asked: Order | None = None  # as the fields have it
+    unanswered: str | None = None  # why there will be no whole answer
     placed: str = ""  # whether the probe was put on anew since the curve before
 
 

@@ -171,6 +171,7 @@ class Starting(Part):
             protocol,
             otherwise,
             asked,
+            self.bench.analysis.complaint(order.setup),
             placed,
         )
         self.main.set_focus(None)
