@@ -16,6 +16,7 @@ from skinlab.inference.samples import placements_of
 from skinlab.recording.load_inputs import read_input
 from skinlab.recording.session import read_session
 from skinlab.tui.card_text import verdict_text
+from skinlab.tui.screens.palette import PaletteScreen
 from skinlab.tui.text import program_extent
 from skinlab.tui.ui_state import Board
 
@@ -38,7 +39,7 @@ async def test_the_operator_says_that_the_probe_was_put_on_anew(bedside, tmp_pat
         assert "the next curve is loading 2, of another placement" in bed.board.note
         await bed.press("insert")
         assert "taken back" in bed.board.note
-        await bed.press("ctrl+y")
+        await bed.press("insert")
         await bed.check()
         assert "loading  2 of this site, probe put on anew" in bed.text("#card-text")
         await bed.press("v")
@@ -117,3 +118,12 @@ def test_another_opening_counts_for_the_joint_fit_only_where_it_has_it():
 def test_the_way_down_is_suction_too(program, words):
     """The summary said 25 s without a pause, of 50."""
     assert program_extent(parse_program(program)) == words
+
+
+async def test_the_list_of_commands_has_it_where_a_keyboard_has_not(bedside):
+    async with bedside() as bed:
+        await bed.connected()
+        await bed.press("ctrl+p")
+        await bed.on(PaletteScreen)
+        await bed.press(*"anew", "enter")
+        await bed.until(lambda: "begins a placement in any case" in bed.board.note)

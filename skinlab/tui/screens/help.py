@@ -60,7 +60,7 @@ Whatever names a key can be clicked: the bottom line, windows, the next step, SU
 
 Loadings are counted for each site, over all sessions of this program: a later one is never taken \
 for a first. F6 says that the site has fully rested. Where the probe was lifted and put on again \
-without that, Ins (or Ctrl+Y) says so: the next curve is of another placement, the count goes on.
+without that, Ins says so: the next curve is of another placement, the count goes on.
 
 The session file is written after each curve, and everything goes to its journal as it happens. \
 Another subject or site begins another visit, with a thickness of its own; another opening goes on \

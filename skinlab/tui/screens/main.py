@@ -84,7 +84,7 @@ class MainScreen(Screen[None]):
             id="rested",
         ),
         Binding(
-            "insert,ctrl+y",
+            "insert",
             "want('placed')",
             "Put on anew",
             key_display=PLACED_KEY,
