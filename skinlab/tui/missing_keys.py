@@ -52,7 +52,7 @@ class MissingKeys(Part):
                 following = outcome.next_measurement
                 self.fields.put("repeats", "1")
                 self.board.advise(following.aperture_mm, following.program)
-                self.load(following.aperture_mm, following.program)
+                self.load(following.aperture_mm, following.program, following.placements)
             case _:
                 pass
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from textual.app import App
 
-from skinlab.tui.ui_state import Level
+from skinlab.tui.ui_state import PLACED_KEY, Level
 
 if TYPE_CHECKING:
     from skinlab.acquisition.messages import News
@@ -78,13 +78,18 @@ class Part:
         """The settings on it."""
         return self.app.fields
 
-    def load(self, aperture_mm: float, program: str) -> None:
+    def load(self, aperture_mm: float, program: str, placements: int = 1) -> None:
         """Put a measurement into the settings; F8 shows it."""
         self.fields.put("aperture_mm", f"{aperture_mm:g}")
         self.fields.put("program", program)
         self.to_main()
         what = f"{program}, {aperture_mm:g} mm opening"
-        self.board.answer(Level.INFO, f"loaded: {what}; F8 goes on")
+        again = ""
+        if placements > 1:
+            again = (
+                f"; put the probe on {placements} times ({PLACED_KEY} says so, or F6 once rested)"
+            )
+        self.board.answer(Level.INFO, f"loaded: {what}; F8 goes on{again}")
 
     def to_main(self) -> None:
         """Close what is open over the main screen."""

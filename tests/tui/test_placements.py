@@ -127,3 +127,13 @@ async def test_the_list_of_commands_has_it_where_a_keyboard_has_not(bedside):
         await bed.on(PaletteScreen)
         await bed.press(*"anew", "enter")
         await bed.until(lambda: "begins a placement in any case" in bed.board.note)
+
+
+async def test_what_is_to_be_put_on_several_times_says_how_that_is_told(bedside):
+    async with bedside() as bed:
+        await bed.connected()
+        bed.app._missing_keys.load(8.0, "ramp:100@20", 3)
+        assert bed.board.note == (
+            "loaded: ramp:100@20, 8 mm opening; F8 goes on; put the probe on 3 times "
+            "(Ins says so, or F6 once rested)"
+        )
