@@ -93,6 +93,8 @@ class ErrorRules:
     """by this share of the smallest."""
     glitch_mm: float = 0.015
     """at least."""
+    by_chance: float = 1e-3
+    """Of a p value: repeats that share more of their glitches than that are no glitches'."""
     bins: int = 6
     """Of a phase of a curve, in which a residual is looked at,"""
     bin_fewest: int = 6
