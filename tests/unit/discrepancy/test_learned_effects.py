@@ -364,13 +364,14 @@ def test_what_comes_later_of_a_dome_is_a_filter_of_it():
 def test_a_dome_is_another_one_on_the_way_back_by_the_share_of_the_suction():
     path = PressurePath.of_program(parse_program("ramp:60@40,hold:2,ramp:0@40"))
     one, t = get_effect("learned_dome_loop"), np.linspace(0.0, 5.0, 101)
-    values = one.full({**one.zero, "c1": 0.05})
+    values = one.full({**one.zero, "c1": 0.05, "c7": 0.02})
     w = np.sqrt(path(t) / 60.0)
     more = one.read_along(t, path(t), w, values) - w
     top = int(np.argmax(path(t)))
     np.testing.assert_array_equal(more[: top + 1], 0.0)
     back = path(t)[top + 1 :] / 60.0
-    np.testing.assert_allclose(more[top + 1 :], 0.05 * np.cos(0.5 * np.pi * back), atol=1e-12)
+    expected = 0.05 * np.sin(np.pi * back) + 0.02 * (1.0 - back)  # the sine's part closes at rest
+    np.testing.assert_allclose(more[top + 1 :], expected, atol=1e-12)
     # The forward model gives it the suction that was read.
     skin, at = SKIN, Geometry(6.0, 1.0)
     effects = {"learned_dome_loop": values}
