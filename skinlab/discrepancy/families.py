@@ -24,6 +24,7 @@ from skinlab.discrepancy.posterior import Posterior
 from skinlab.discrepancy.records import Record
 from skinlab.discrepancy.screen import Signature
 from skinlab.discrepancy.search import Search
+from skinlab.discrepancy.search_workers import at_wall
 from skinlab.discrepancy.settings import ERRORS, NAMES, SEARCH
 from skinlab.discrepancy.starts import middle_of
 from skinlab.discrepancy.unknowns import Known, Unknowns
@@ -285,8 +286,8 @@ def _fit(
 ) -> Fit | None:
     """Return the fit from where the linear picture leads, or from near the model as it is.
 
-    Where the law's parameters are at an end of their range, as a wrong model drives them, also from
-    the middle of it. One that stays above its `limit` ends early.
+    Where the law's parameters are near an end of their range, as a wrong model drives them, also
+    from the middle of it. One that stays above its `limit` ends early.
     """
     unknowns = with_family(base.unknowns, promise.family, seen, promise.scale)
     k = base.unknowns.count
@@ -300,7 +301,9 @@ def _fit(
         fit = search.fitter.fit(unknowns, np.concatenate([law, own[k:]]), limit)
         if fit is not None and (best is None or fit.cost < best.cost):
             best = fit
-        if best is not None and best.settled and best.cost < base.cost and best.free[:k].all():
+        if best is None or not best.settled or best.cost >= base.cost:
+            continue
+        if not at_wall(best).any():
             break
     return best
 

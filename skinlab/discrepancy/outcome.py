@@ -12,6 +12,7 @@ from skinlab.discrepancy.candidates import Candidate, Found, behind_best
 from skinlab.discrepancy.discipline import Shares, Trial
 from skinlab.discrepancy.families import Learned, describe_learned
 from skinlab.discrepancy.heldout import HeldOut
+from skinlab.discrepancy.moments import Moments, shared_moments
 from skinlab.discrepancy.next_measurement import NextMeasurement, Plan
 from skinlab.discrepancy.posterior import Posterior, gaussian
 from skinlab.discrepancy.screen import Signature
@@ -135,6 +136,9 @@ class Outcome:
             "cannot_show": self.cannot_show,
             "not_screened": self.not_screened,
             "left_out": self.found.left_out,
+            "left_out_in_all_repeats": [
+                {"files": list(m.files), "time_s": list(m.time_s)} for m in self.shared_moments
+            ],
             "next_measurement": None
             if self.next_measurement is None
             else _next_json(self.next_measurement, own),
@@ -142,6 +146,11 @@ class Outcome:
             "adopted_model": self.adopted_model,
             "seed": self.seed,
         }
+
+    @cached_property
+    def shared_moments(self) -> list[Moments]:
+        """When samples of all repeats of a program were left out."""
+        return shared_moments(self.found.records)
 
     @property
     def where(self) -> list[Place]:

@@ -50,6 +50,7 @@ class Record:
     coarse: int = 1  # samples that each one is the mean of,
     step_um: float = 0.0  # and of what step their lattice was: means have none
     glitches: int = 0  # samples that are in none of these means
+    left_out_s: tuple[float, ...] = ()  # when a sample or a mean was left out
     noisier: Array | float = 1.0  # (n,) by this factor: about a jump fewer are averaged
     thickness_sd_mm: float = 0.0  # as stated
     creases_mbar: float = math.inf  # from where on the model's skin has no dome of its own
@@ -121,9 +122,10 @@ def records_of(campaign: Campaign, *, every: bool = False) -> list[Record]:
         true = curve if curve.probe is None else corrected(curve, curve.probe)
         noise_mbar = pressure_noise_mbar(true.time_s, true.pressure_mbar)
         bad = pressure_glitches(true, noise_mbar) & (not every)
+        when = tuple(true.time_s[bad].tolist())
         true = true.only(~bad) if bad.any() else true
         one = _record(true, campaign.noise_um, campaign.pressure_noise_mbar)
-        found.append(replace(one, placement=placement, glitches=int(bad.sum())))
+        found.append(replace(one, placement=placement, glitches=len(when), left_out_s=when))
     _check_sucked(found)
     if campaign.noise_um is None:
         # A lone curve's roughness is known to a tenth only: one instrument, one noise.
@@ -274,6 +276,7 @@ def coarsened(record: Record, rate_hz: float) -> Record:
         pressure_sd_mbar=record.pressure_sd_mbar * by, noise_um=record.noise_um * by,
         glitches=record.glitches + int((~kept).sum()), step_um=step_um(w),
         noisier=np.sqrt(each / count[held]) if jumps.any() else 1.0,
+        left_out_s=(*record.left_out_s, *curve.time_s[~kept].tolist()),
     )  # fmt: skip
 
 
@@ -324,10 +327,11 @@ def without(records: Sequence[Record], kept: Sequence[NDArray[np.bool_]]) -> lis
         noisier = np.broadcast_to(record.noisier, mask.shape)[mask]
         off_mm = np.broadcast_to(record.off_path_mm, mask.shape)[mask]
         pressure = record.pressure_mbar[mask]
+        when = record.curve.time_s[~mask].tolist()
         found.append(
             replace(
                 record, curve=record.curve.only(mask), pressure_mbar=pressure, noisier=noisier,
-                off_path_mm=off_mm,
+                off_path_mm=off_mm, left_out_s=(*record.left_out_s, *when),
             )
         )  # fmt: skip
     return found

@@ -235,7 +235,7 @@ def off_the_wall(fitter: Fitter, best: Fit, limit: Limit) -> Fit:
 
     A model that lacks something may end there, and what is then added keeps it there.
     """
-    walled = _walled(best)
+    walled = at_wall(best)
     if not walled.any():
         return best
     return _better(_from_there(fitter, best, _amid(best, walled), limit), best) or best
@@ -247,7 +247,7 @@ def held_off_the_wall(fitter: Fitter, fit: Fit) -> Fit | None:
     What a model lacks may have led it to a wall, from where its partner is not seen: beside a creep
     at ν 0.498 a stiffening promised 3, less than eight others; beside the same at 0.25 the most.
     """
-    walled = _walled(fit)
+    walled = at_wall(fit)
     if not walled.any():
         return None
     unknowns, start = fit.unknowns, _amid(fit, walled)
@@ -260,7 +260,7 @@ def held_off_the_wall(fitter: Fitter, fit: Fit) -> Fit | None:
     return None
 
 
-def _walled(fit: Fit) -> NDArray[np.bool_]:
+def at_wall(fit: Fit) -> NDArray[np.bool_]:
     """Return which of the law's parameters (count,) are near the end of their range.
 
     A logarithm counts where it is at its bound alone.

@@ -93,6 +93,8 @@ class ErrorRules:
     """by this share of the smallest."""
     glitch_mm: float = 0.015
     """at least."""
+    by_chance: float = 1e-3
+    """Of a p value: repeats that share more of their glitches than that are no glitches'."""
     bins: int = 6
     """Of a phase of a curve, in which a residual is looked at,"""
     bin_fewest: int = 6
@@ -252,6 +254,9 @@ class SearchRules:
     """And so many that leave more than noise, and are as near: one half of the truth may be."""
     partly: float = 3.0
     """Or so much by errors that its leader alone needs: then it is weighed by those of both."""
+    held: float = 0.25
+    """Of what it costs to hold the model off an end of a range, taken up by what may have led it
+    there."""
     seen_share: float = 0.04
     """Or such a share of the largest gain, where the misfit is large."""
     not_enough: float = 4.0

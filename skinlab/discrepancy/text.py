@@ -20,6 +20,7 @@ _SHOWN = 5
 _BY_CHANCE = 0.1  # from here on how often chance does as much says nothing
 _ROWS = 6  # of a learned function
 _TIED = 3  # explanations whose values are told
+_MOST_MOMENTS = 6  # that are told
 _NAME_WIDTH, _VALUE_WIDTH = 28, 32  # of columns of parameters, at least
 
 
@@ -174,7 +175,17 @@ def left_out_words(outcome: Outcome) -> list[str]:
     each = [f"{counted(n, 'sample')} of {inert(f)}" for f, n in outcome.found.left_out.items()]
     if not each:
         return []
-    return [f"Left out, as glitches that belong to no curve: {', '.join(each)}."]
+    lines = [f"Left out, as glitches that belong to no curve: {', '.join(each)}."]
+    for one in outcome.shared_moments:
+        times = ", ".join(f"{t:.4g}" for t in one.time_s[:_MOST_MOMENTS])
+        more = ", …" if len(one.time_s) > _MOST_MOMENTS else ""
+        which = "both" if len(one.files) == 2 else f"all {len(one.files)}"
+        lines.append(
+            f"Of these, {which} repeats of {inert(one.files[0])} have some at the same "
+            f"moments ({times}{more} s): what repeats share is no glitch. Something is off there "
+            "that no effect was asked about, such as a valve, a filter or a sensor that rings."
+        )
+    return lines
 
 
 def shares_words(outcome: Outcome) -> list[str]:

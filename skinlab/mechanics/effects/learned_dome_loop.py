@@ -18,7 +18,8 @@ class LearnedDomeLoop(LearnedSensorLoop):
     name = "learned_dome_loop"
     meaning = "a dome is higher or lower on the way back than on the way up, found from the data"
     formula = (
-        "after the highest suction w + top Σ c_k sin((k − ½) π (1 − p/p_top)), top the highest dome"
+        "after the highest suction w + top (Σ c_k sin(k π x) + c7 x), x = 1 − p/p_top, "
+        "k from 1 to 6, top the highest dome"
     )
     x_name = "share_of_suction"
 

@@ -7,7 +7,10 @@ from dataclasses import replace
 import numpy as np
 
 from skinlab.mechanics.effects.base import Array, Values
-from skinlab.mechanics.effects.learned import LearnedEffect, Seen, coefficients, sines
+from skinlab.mechanics.effects.learned import LearnedEffect, Seen, coefficients
+
+_SINES = 6
+_LINE = f"c{_SINES + 1}"
 
 
 class LearnedSensorLoop(LearnedEffect):
@@ -20,12 +23,17 @@ class LearnedSensorLoop(LearnedEffect):
     name = "learned_sensor_loop"
     family = "history"
     meaning = "a dome reads another height on the way back than on the way up, found from the data"
-    formula = "after the highest dome w + top Σ c_k sin((k − ½) π (1 − w/top))"
+    formula = (
+        "after the highest dome w + top (Σ c_k sin(k π x) + c7 x), x = 1 − w/top, k from 1 to 6"
+    )
     source = "hysteresis of skin and of sensors; Gaussian process"
     physical = False
-    parameters = tuple(replace(p, name=f"c{k}") for k, p in enumerate(
-        coefficients(6, "", 0.5, 0.01), start=1
-    ))  # fmt: skip
+    # Most loops close: sines that are zero at both ends, and a line for those that do not (a Wiener
+    # process is a bridge, and where it ends).
+    parameters = (
+        *coefficients(_SINES, "", 0.5, 0.01),
+        replace(coefficients(1, "", 0.5, 0.01)[0], name=_LINE, meaning="of a line"),
+    )
     x_name = "share_of_dome"
     y_name = "reads_more_of_dome"
 
@@ -44,7 +52,9 @@ class LearnedSensorLoop(LearnedEffect):
 
     def function(self, at: Array, values: Values) -> Array:
         """Return how much more is read (m,), in shares of the highest dome, at these shares."""
-        return sines(1.0 - at, values, self.names)
+        x = np.clip(1.0 - at, -1.0, 1.0)
+        bridge = sum(values[f"c{k}"] * np.sin(k * np.pi * x) for k in range(1, _SINES + 1))
+        return np.asarray(bridge + values[_LINE] * x)
 
     def sentence(self, x: Array, y: Array) -> str:
         """Say how far the way back is off."""

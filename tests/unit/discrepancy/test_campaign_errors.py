@@ -749,6 +749,16 @@ def test_steps_that_stay_are_told_from_what_wanders(table, plan, jump_um, walk_u
     assert (steps(records, covariance, np.concatenate(off)) > NAMES.steps) == seen
 
 
+@pytest.mark.parametrize(("until_mbar", "seen"), [(1.8, False), (8.0, True)])
+def test_tape_lets_go_where_something_pulls(table, until_mbar, seen):
+    """Before two millibars a soft skin is off by 20 µm for a share of one: no tape's step."""
+    plan = 3 * [(8.0, "ramp:100@4,ramp:0@4")]
+    records = records_of(campaign(table, lambda t, per_log, rng: rng.normal(0, 2e-3, len(t)), plan))
+    rng, until_s = np.random.default_rng(0), until_mbar / 4.0
+    off = [rng.normal(0, 2e-3, len_of(r)) - 0.02 * (r.curve.time_s < until_s) for r in records]
+    assert (steps(records, errors_of(records), np.concatenate(off)) > NAMES.steps) == seen
+
+
 @pytest.mark.parametrize(
     ("noise_um", "jump_um", "low", "high"),
     [(2.0, 0.0, -2.0, 1.0), (4.0, 0.0, -2.0, 1.0), (2.0, 12.0, NAMES.steps, np.inf)],

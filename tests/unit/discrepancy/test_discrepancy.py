@@ -607,10 +607,10 @@ def test_slopes_at_the_anchor_are_those_of_the_finite_elements(table, effects):
         np.testing.assert_allclose(mapped, solved, atol=0.01 * np.abs(solved).max() + 1e-3)
 
 
-def slopes_of_both(model, u):
-    """Yield, for each unknown, the slopes of the first record by the model and when solved."""
+def slopes_of_both(model, u, which=None):
+    """Yield, for these unknowns, the slopes of the first record by the model and when solved."""
     step, unknowns, record = 0.02, model.unknowns, model.records[0]
-    for j in range(len(u)):
+    for j in range(len(u)) if which is None else which:
         ends = []
         for sign in (1.0, -1.0):
             moved = u.copy()
@@ -642,6 +642,23 @@ def test_slopes_of_what_relaxes_are_nearly_those_of_the_finite_elements(table, b
     assert model.anchor(u)
     for mapped, solved in slopes_of_both(model, u):
         np.testing.assert_allclose(mapped, solved, atol=0.05 * np.abs(solved).max() + 3e-3)
+
+
+def test_a_crease_on_the_coarse_mesh_leaves_the_slopes_as_they_are(table):
+    """It ended one of two neighbours, and their difference was a slope: ν was known to 0.002."""
+    program = parse_program("ramp:300@60,ramp:0@60")
+    t = np.arange(int(program.duration_s * 10 + 1e-9) + 1) / 10
+    path = PressurePath.of_program(program)
+    curve = Curve("c", Setup(2.0, 1.19, program), t, path(t), 1e-3 * path(t))
+    unknowns = Unknowns(("viscoelasticity",))
+    creep = {"g": 0.1939, "tau_s": 0.9383}
+    own = [axis.to_u(creep[axis.parameter.name]) for axis in unknowns.axes]
+    u = np.array([-4.1121, 3.7822, 0.2216, *own])
+    records = records_of(Campaign("soft", 2.0, 0.1, (curve,)))
+    model = MappedModel(records, unknowns, TableDomes(table))
+    assert model.anchor(u)
+    ((mapped, solved),) = slopes_of_both(model, u, which=[2])
+    np.testing.assert_allclose(mapped, solved, atol=0.05 * np.abs(solved).max())
 
 
 def test_unknowns_and_values_go_both_ways():

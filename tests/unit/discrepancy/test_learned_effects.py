@@ -3,6 +3,7 @@
 import json
 from dataclasses import replace
 from datetime import UTC, datetime
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -19,8 +20,14 @@ from skinlab.discrepancy.campaign_errors import CampaignErrors
 from skinlab.discrepancy.cancelling import against_cancelling
 from skinlab.discrepancy.candidates import Candidate, Found
 from skinlab.discrepancy.discipline import Discipline
-from skinlab.discrepancy.families import against_families, families, find_families
-from skinlab.discrepancy.fit import Fitter
+from skinlab.discrepancy.families import (
+    _fit,
+    _Promise,
+    against_families,
+    families,
+    find_families,
+)
+from skinlab.discrepancy.fit import Fit, Fitter
 from skinlab.discrepancy.heldout import HeldOut
 from skinlab.discrepancy.misfit import errors_of
 from skinlab.discrepancy.outcome import Outcome
@@ -28,9 +35,10 @@ from skinlab.discrepancy.posterior import gaussian
 from skinlab.discrepancy.records import records_of
 from skinlab.discrepancy.search import Search
 from skinlab.discrepancy.settings import ERRORS, NAMES
-from skinlab.discrepancy.starts import unknowns_of
+from skinlab.discrepancy.starts import middle_of, unknowns_of
 from skinlab.discrepancy.table_domes import TableDomes
 from skinlab.discrepancy.text import describe
+from skinlab.discrepancy.unknowns import Unknowns
 from skinlab.discrepancy.verdict import decide_learned
 from skinlab.mechanics.effects import all_effects, get_effect, library_names
 from skinlab.mechanics.effects.learned import Seen, bent, drifted, less_gain
@@ -356,13 +364,14 @@ def test_what_comes_later_of_a_dome_is_a_filter_of_it():
 def test_a_dome_is_another_one_on_the_way_back_by_the_share_of_the_suction():
     path = PressurePath.of_program(parse_program("ramp:60@40,hold:2,ramp:0@40"))
     one, t = get_effect("learned_dome_loop"), np.linspace(0.0, 5.0, 101)
-    values = one.full({**one.zero, "c1": 0.05})
+    values = one.full({**one.zero, "c1": 0.05, "c7": 0.02})
     w = np.sqrt(path(t) / 60.0)
     more = one.read_along(t, path(t), w, values) - w
     top = int(np.argmax(path(t)))
     np.testing.assert_array_equal(more[: top + 1], 0.0)
     back = path(t)[top + 1 :] / 60.0
-    np.testing.assert_allclose(more[top + 1 :], 0.05 * np.cos(0.5 * np.pi * back), atol=1e-12)
+    expected = 0.05 * np.sin(np.pi * back) + 0.02 * (1.0 - back)  # the sine's part closes at rest
+    np.testing.assert_allclose(more[top + 1 :], expected, atol=1e-12)
     # The forward model gives it the suction that was read.
     skin, at = SKIN, Geometry(6.0, 1.0)
     effects = {"learned_dome_loop": values}
@@ -434,6 +443,26 @@ def test_two_effects_that_cancel_are_no_name(table, hidden, names, passed):
 
     assert against_cancelling(search.fitter, base, fitted(names)).passed == passed
     assert against_cancelling(search.fitter, base, fitted(names[:1])) is None
+
+
+@pytest.mark.parametrize(("nu", "begun"), [(0.3, 1), (0.47, 3)])
+def test_a_function_begun_near_an_end_of_the_law_is_begun_from_the_middle_as_well(nu, begun):
+    """A dome clipped at 70 % had led the skin to nu 0.499: all functions stayed there."""
+    family, law = get_effect("learned_range_knee"), np.array([-3.2, 3.7, 0.31])
+    base = Fit(Unknowns(()), law, [], 9.0, 9.0, np.zeros((1, 3)), settled=True, corrected=False)
+    begins = []
+
+    def fit(unknowns, start, limit):
+        begins.append(start)
+        u = np.concatenate([[*law[:2], nu], start[3:]])
+        return replace(base, unknowns=unknowns, u=u, cost=5.0, jacobian=np.zeros((1, len(u))))
+
+    start = np.concatenate([law, np.zeros(len(family.names))])
+    search = SimpleNamespace(fitter=SimpleNamespace(fit=fit))
+    promise = _Promise(family, 0.0, 1.0, start)
+    assert _fit(search, base, promise, Seen(0.5, 100.0, 10.0, 1, (6.0,))).cost == 5.0
+    assert len(begins) == begun
+    assert begun == 1 or begins[-1][2] == pytest.approx(middle_of(base.unknowns)[2])
 
 
 def test_the_library_is_all_that_has_a_name():
