@@ -265,7 +265,7 @@ def test_several_curves_answer_together(curve):
     with pytest.warns(UserWarning, match="1 curve of later cycles"):
         found = skinlab.identify_joint(campaign)
     assert found.to_dict()["curves"] == []
-    assert found.files == ["simulated", "simulated"]
+    assert found.files == ["simulated", "simulated (2)"]
     same = skinlab.identify_joint([curve, again], noise_um=3.0, pressure_noise_mbar=0.0)
     assert found.parameters == same.parameters
     assert found.parameters != skinlab.identify_joint([curve, again]).parameters
