@@ -6,7 +6,7 @@ import copy
 import html
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass, fields, replace
 from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -320,7 +320,9 @@ class Identification(Document):
     ) -> None:
         from skinlab.inference.result import document
 
-        self._found, self._curves, self._identifier = found, tuple(given), identifier
+        # Without the draws: megabytes that no field shows, of each of many results.
+        self._found = replace(found, uncertainty=None)
+        self._curves, self._identifier = tuple(given), identifier
         provenance = identifier.provenance()
         if found.files is None:
             super().__init__(document(provenance, [found]), "curves", 0)

@@ -87,3 +87,17 @@ def shipped_grid() -> Table:
 def shipped_table() -> Table:
     """Return the dimensionless table that ships inside the package."""
     return replace(read(_DATA / "dimensionless.h5"), path=None)
+
+
+def shipped_again(content_hash: str) -> Table:
+    """Return the shipped table, for a pickle that names it.
+
+    Raises:
+        InputError: another one ships with this version.
+    """
+    table = shipped_table()
+    if table.content_hash != content_hash:
+        raise InputError(
+            "pickled by a skinlab with another database; expected the same version on both sides"
+        )
+    return table
