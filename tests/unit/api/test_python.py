@@ -295,6 +295,29 @@ def test_several_curves_answer_together(curve):
     assert len(campaign.to_dict()["curves"]) == 3
 
 
+@pytest.mark.parametrize(
+    ("stated", "sentence"),
+    [
+        ({"noise_um": -3.0}, "noise_um -3.0: expected more than 0 and less than 1e6, or None"),
+        ({"noise_um": float("nan")}, "noise_um nan: expected more than 0"),
+        ({"pressure_noise_mbar": "0.2"}, "pressure_noise_mbar '0.2': expected 0 or more"),
+        ({"placement_scatter": 2.0}, "placement_scatter 2.0: expected 0 to below 1, or None"),
+        ({"curves": ()}, "curves: expected one curve or more"),
+        ({"curves": ("c.csv",)}, "curves: 'c.csv' is no curve"),
+    ],
+)
+def test_a_campaign_that_no_file_could_state_is_refused(curve, stated, sentence):
+    """Such a one had been a traceback of numpy; a scatter of 200 % was taken."""
+    with pytest.raises(skinlab.InputError) as told:
+        skinlab.Campaign(
+            **{"title": "", "noise_um": None, "pressure_noise_mbar": None, "curves": (curve,)}
+            | stated
+        )
+    assert sentence in str(told.value)
+    known = skinlab.Campaign("", None, None, [curve], "auto")
+    assert (known.curves, known.placement_scatter) == ((curve,), None)
+
+
 @pytest.mark.long
 def test_a_notebook_shows_no_markup_of_others(curve):
     named = replace(curve, name="<script>alert(1)</script>\x1b[2J")
