@@ -499,7 +499,12 @@ class Study(Document):
         self._made, self.folder = made, folder
 
     def _columns(self) -> Mapping[str, Sequence[Any]]:
-        return pandas().read_csv(self.folder / "curves.csv")  # type: ignore[no-any-return]
+        from skinlab.studies.table import TEXT
+
+        kept = dict.fromkeys(TEXT - {"visit"}, str)  # a subject 007 is not 7, and NA is a text
+        return pandas().read_csv(  # type: ignore[no-any-return]
+            self.folder / "curves.csv", dtype=kept, keep_default_na=False, na_values=[""]
+        )
 
     def _text(self) -> str:
         return "\n".join(self._made.lines)

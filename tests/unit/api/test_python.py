@@ -80,6 +80,23 @@ def test_a_study_says_what_it_needs(tmp_path):
         skinlab.study(tmp_path, out=tmp_path / "study", workers=0)
 
 
+def test_subjects_of_a_study_are_texts_in_its_frame(curve, tmp_path):
+    """Read as numbers, 007 and 7 had been one person."""
+    pytest.importorskip("pandas")
+    for number, subject in enumerate(("007", "7")):
+        file = tmp_path / "curves" / subject / "v1.csv"
+        file.parent.mkdir(parents=True)
+        moved = replace(curve, deflection_mm=curve.deflection_mm + 1e-3 * number)
+        file.write_text(str(moved))
+    study = skinlab.study(
+        tmp_path / "curves", out=tmp_path / "out", layout="{subject}/v{visit}", workers=1, **OPENING
+    )
+    frame = study.to_frame()
+    assert frame.subject.tolist() == ["007", "7"]
+    assert frame.visit.tolist() == [1, 1]
+    assert frame.site.isna().all()
+
+
 def test_importing_is_light_and_complete(tmp_path):
     done = python(
         "import sys, skinlab\n"
