@@ -196,14 +196,6 @@ class Table:
     facts: Mapping[str, Any] = field(default_factory=dict)
     path: Path | None = None  # the user's file that it is from
 
-    def __reduce_ex__(self, protocol: Any) -> Any:
-        """Pickle the shipped table by its hash: each result has one, and they are megabytes."""
-        from skinlab.tables.store import shipped_again, shipped_table
-
-        if shipped_table.cache_info().currsize and self is shipped_table():
-            return shipped_again, (self.content_hash,)
-        return super().__reduce_ex__(protocol)
-
     @cached_property
     def content_hash(self) -> str:
         """`sha256:…` over what was computed from what, and the numbers."""
