@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import os
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -13,12 +14,13 @@ import numpy as np
 from skinlab.api.identifiers import find_model
 from skinlab.api.paths import PathLike
 from skinlab.curves.campaign import Campaign
-from skinlab.curves.distinct import check_distinct
+from skinlab.curves.distinct import check_distinct, named_apart
 from skinlab.discrepancy import cache, workflow
 from skinlab.discrepancy.adopt import adopted
 from skinlab.discrepancy.outcome import Outcome
 from skinlab.discrepancy.records import records_of
 from skinlab.errors import InputError
+from skinlab.inference.samples import placements_of
 from skinlab.io.files import write_file
 from skinlab.mechanics.model_file import Model, model_of_law
 from skinlab.tables.table import Table
@@ -74,11 +76,14 @@ def outcome_of(
     if workers is not None and workers < 1:
         raise InputError(f"workers {workers}: expected 1 or more")
     check_distinct(campaign.curves)
-    stated = repr((campaign.noise_um, campaign.pressure_noise_mbar, campaign.placement_scatter))
+    placements = placements_of(campaign.curves)
+    noise = campaign.noise_um, campaign.pressure_noise_mbar
+    stated = repr((*noise, campaign.placement_scatter, placements))
     probes = ("" if c.probe is None else f"probe {c.probe.hash}" for c in campaign.curves)
     curves = hashes_of(campaign).values()
     learned = f"learned from these: {base.learned_from(curves)}"
     name = cache.key([base.hash, learned, table.content_hash, *curves, stated, *probes])
+    campaign = replace(campaign, curves=named_apart(campaign.curves))
     known = cache.load(name, records_of(campaign)) if cached else None
     if known is not None:
         return known

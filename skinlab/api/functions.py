@@ -28,7 +28,7 @@ from skinlab.api.simulation import simulated
 from skinlab.curves import campaign as campaigns
 from skinlab.curves import csv
 from skinlab.curves import curve as curves
-from skinlab.curves.distinct import check_distinct
+from skinlab.curves.distinct import check_distinct, named_apart
 from skinlab.curves.one_skin import check_one_skin
 from skinlab.curves.program import Program, parse_program
 from skinlab.errors import InputError, NotTrustworthyError
@@ -174,6 +174,7 @@ def identify_joint(
         raise InputError("expected one curve or more, such as skinlab.read_curve returns")
     check_distinct(several)
     _tell_whose(several)
+    several = named_apart(several)
     if isinstance(placement_scatter, str):
         if placement_scatter != "auto":
             raise InputError(f"placement_scatter {placement_scatter!r}: expected auto or a number")

@@ -6,8 +6,9 @@ import copy
 import html
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass, fields, replace
 from importlib import import_module
+from numbers import Real
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -223,9 +224,38 @@ def _figure_of_all(found: Sequence[curves.Curve]) -> Figure | None:
     return draw_all_curves([_measured(i, c) for i, c in enumerate(found, 1)]) if found else None
 
 
+_STATED: tuple[tuple[str, str, Callable[[float], bool]], ...] = (
+    ("noise_um", "more than 0 and less than 1e6", lambda um: 0 < um < 1e6),
+    ("pressure_noise_mbar", "0 or more and less than 1000", lambda mbar: 0 <= mbar < 1e3),
+    ("placement_scatter", "0 to below 1", lambda share: 0 <= share < 1),
+)
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class Campaign(Shown, campaigns.Campaign):
-    """Curves that are explained together: `title`, `curves`, and the noise that is stated."""
+    """Curves that are explained together: `title`, `curves`, and the noise that is stated.
+
+    Raises:
+        InputError: there is no curve, or a number is none that can be stated.
+    """
+
+    def __post_init__(self) -> None:
+        """Refuse what a campaign.toml could not say."""
+        given: Any = self.curves
+        if not isinstance(given, list | tuple) or not given:
+            raise InputError("curves: expected one curve or more, such as read_curve returns")
+        wrong = next((one for one in given if not isinstance(one, curves.Curve)), None)
+        if wrong is not None:
+            raise InputError(f"curves: {wrong!r} is no curve, such as read_curve returns")
+        object.__setattr__(self, "curves", tuple(given))
+        scatter: Any = self.placement_scatter
+        if scatter == "auto":  # as a campaign.toml may say
+            object.__setattr__(self, "placement_scatter", None)
+        for name, expected, holds in _STATED:
+            value: Any = getattr(self, name)
+            number = isinstance(value, Real) and not isinstance(value, bool)
+            if value is not None and not (number and holds(value)):
+                raise InputError(f"{name} {value!r}: expected {expected}, or None")
 
     def to_dict(self) -> dict[str, Any]:
         """Return what is stated, and the curves, as plain data."""
@@ -327,7 +357,9 @@ class Identification(Document):
     ) -> None:
         from skinlab.inference.result import document
 
-        self._found, self._curves, self._identifier = found, tuple(given), identifier
+        # Without the draws: megabytes that no field shows, of each of many results.
+        self._found = replace(found, uncertainty=None)
+        self._curves, self._identifier = tuple(given), identifier
         provenance = identifier.provenance()
         if found.files is None:
             super().__init__(document(provenance, [found]), "curves", 0)
@@ -474,7 +506,12 @@ class Study(Document):
         self._made, self.folder = made, folder
 
     def _columns(self) -> Mapping[str, Sequence[Any]]:
-        return pandas().read_csv(self.folder / "curves.csv")  # type: ignore[no-any-return]
+        from skinlab.studies.table import TEXT
+
+        kept = dict.fromkeys(TEXT - {"visit"}, str)  # a subject 007 is not 7, and NA is a text
+        return pandas().read_csv(  # type: ignore[no-any-return]
+            self.folder / "curves.csv", dtype=kept, keep_default_na=False, na_values=[""]
+        )
 
     def _text(self) -> str:
         return "\n".join(self._made.lines)

@@ -26,9 +26,14 @@ from skinlab.cli.options import (
 from skinlab.cli.output import echo, echo_text, print_json, tell_left_behind
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from skinlab.curves.curve import Curve
     from skinlab.inference.identify import Identifier
+    from skinlab.inference.result import Identification
     from skinlab.recording.load_inputs import Input
     from skinlab.recording.session import StatedModel
+    from skinlab.studies.reference import Reference
 
 
 @click.command(cls=MethodCommand)
@@ -104,6 +109,11 @@ def command(
     identifier: Identifier = with_prior_option(
         make_identifier(**options), prior_path, site, age_years
     )
+    reference = None
+    if reference_path is not None:
+        from skinlab.studies.reference import read_reference
+
+        reference = read_reference(reference_path)  # before anything is computed
     geometry = None
     csv_given = any(path.suffix.lower() == ".csv" for path in inputs)
     if not csv_given and (aperture_mm, thickness_mm, thickness_sd_mm) != (None, None, None):
@@ -133,17 +143,23 @@ def command(
     results: list[Identification] = []
     for one in taken:
         results += _each(identifier, one, workers) if isinstance(one, Input) else [one]
-    together = _together(identifier, read, placement_scatter) if joint and read else None
+    together, knowing = None, identifier
+    if joint and read:
+        curves = _first_cycles(identifier, read)
+        knowing = _knowing_all(identifier, read, placement_scatter)
+        together = knowing.joint(curves)
+    elif read:
+        knowing = _with_scatter(identifier, read[0].placement_scatter)
     advice = None
     if advise and (source := together or next((r for r in results if r.uncertainty), None)):
-        advice = identifier.advise(source, _thickness_mm(read))
+        advice = knowing.advise(source, _thickness_mm(source, read))
     known = identifier.of_probe([curve for given in read for curve in given.curves])
     whole = document(known.provenance(), results, joint=together, advice=advice)
     refused = []
     placed: dict[int, list[str]] = {}
-    if reference_path is not None:
+    if reference is not None:
         for k, result in enumerate(results):
-            said, lines = _beside(reference_path, result, site or "", sex, age_years, whole)
+            said, lines = _beside(reference, result, site or "", sex, age_years, whole)
             whole["curves"][k]["reference"] = said
             placed[id(result)] = lines
             refused += [said["error"]] if said and "error" in said else []
@@ -175,7 +191,7 @@ def command(
 
 
 def _beside(
-    path: Path,
+    reference: Reference,
     result: Any,
     site: str,
     sex: str | None,
@@ -184,9 +200,8 @@ def _beside(
 ) -> tuple[dict[str, Any] | None, list[str]]:
     """Return where a curve's values stand in a reference, as data and in lines."""
     from skinlab.errors import InputError
-    from skinlab.studies.reference import place, read_reference
+    from skinlab.studies.reference import place
 
-    reference = read_reference(path)
     if not result.parameters or result.setup is None:
         return None, []
     program = result.setup.program
@@ -245,11 +260,9 @@ def _check_together(read: list[Input]) -> None:
         echo(f"skinlab: {sentence}", err=True)
 
 
-def _together(identifier: Identifier, read: list[Input], scatter: float | str | None) -> Any:
-    """Return the joint answer: of first cycles, or of all where the model has effects of those."""
-    from dataclasses import replace
-
-    from skinlab.inference.batch import fitted_together, with_stated_noise
+def _first_cycles(identifier: Identifier, read: list[Input]) -> Sequence[Curve]:
+    """Return the curves that are fitted together; says how many later cycles are left out."""
+    from skinlab.inference.batch import fitted_together
     from skinlab.text import counted
 
     for sentence in (sentence for given in read for sentence in given.left_out_words):
@@ -262,6 +275,15 @@ def _together(identifier: Identifier, read: list[Input], scatter: float | str | 
             "of the joint identification",
             err=True,
         )
+    return curves
+
+
+def _knowing_all(
+    identifier: Identifier, read: list[Input], scatter: float | str | None
+) -> Identifier:
+    """Return the identifier with what all files state alike; says where they differ."""
+    from skinlab.inference.batch import with_stated_noise
+
     sensor, differ = identifier.sensor, []
     common: dict[str, float | None] = {}
     for name, known in (
@@ -281,11 +303,16 @@ def _together(identifier: Identifier, read: list[Input], scatter: float | str | 
             err=True,
         )
     knowing = with_stated_noise(identifier, common["noise_um"], common["pressure_noise_mbar"])
-    sensor = replace(
-        knowing.sensor, placement_scatter=scatter_of(scatter, common["placement_scatter"])
-    )
-    return replace(knowing, sensor=sensor).joint(curves)
+    return _with_scatter(knowing, scatter_of(scatter, common["placement_scatter"]))
 
 
-def _thickness_mm(read: list[Input]) -> float:
-    return read[0].curves[0].setup.thickness_mm
+def _with_scatter(identifier: Identifier, scatter: float | None) -> Identifier:
+    from dataclasses import replace
+
+    return replace(identifier, sensor=replace(identifier.sensor, placement_scatter=scatter))
+
+
+def _thickness_mm(source: Identification, read: list[Input]) -> float:
+    """Return the skin's thickness where the answer is from; of curves together the first one's."""
+    setup = read[0].curves[0].setup if source.setup is None else source.setup
+    return setup.thickness_mm

@@ -26,7 +26,7 @@ COLUMNS = ("time_s", "pressure_mbar", "deflection_mm")
 SEGMENT = "segment"
 IMPORT = "`skinlab import` makes a session of what other software exported"
 _COMMA = f"; is the decimal sign a comma? Use a point; {IMPORT}"
-_LARGEST = {"time_s": 1e9, "pressure_mbar": 1e4, "deflection_mm": 100.0}  # beyond, no reading
+_LARGEST = {"time_s": 1e10, "pressure_mbar": 1e4, "deflection_mm": 100.0}  # beyond, no reading
 
 
 def read_curve(path: Path, setup: Setup) -> Curve:
@@ -147,8 +147,14 @@ def _separator_hint(header: list[str]) -> str:
 
 
 def write_curve(stream: TextIO, curve: Curve) -> None:
-    """Write the curve; 9 digits, so that nothing that a sensor can tell is lost."""
+    """Write the curve; 9 digits, so that nothing that a sensor can tell is lost.
+
+    Of times that begin late (the clock of a computer) as many more.
+    """
     stream.write(",".join(COLUMNS) + "\n")
+    span_s = float(np.ptp(curve.time_s)) if len(curve) else 0.0
+    late = float(np.abs(curve.time_s).max()) / span_s if span_s > 0 else 1.0
+    digits = min(9 + max(math.floor(math.log10(late)), 0), 15)
     columns: Iterable[tuple[float, float, float]] = zip(
         curve.time_s.tolist(),
         curve.pressure_mbar.tolist(),
@@ -156,4 +162,4 @@ def write_curve(stream: TextIO, curve: Curve) -> None:
         strict=True,
     )
     for t, p, w in columns:
-        stream.write(f"{t:.9g},{p:.9g},{w:.9g}\n")
+        stream.write(f"{t:.{digits}g},{p:.9g},{w:.9g}\n")

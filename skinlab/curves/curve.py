@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING
+from numbers import Integral, Real
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +19,9 @@ if TYPE_CHECKING:
     from skinlab.curves.stated_skin import StatedSkin
 
 Array = NDArray[np.float64]
+
+
+_NO_NUMBERS = {"m": "durations", "M": "dates", "c": "complex numbers", "b": "truth values"}
 
 
 def white_noise(values: Array) -> float:
@@ -41,6 +45,17 @@ def check_thickness(thickness_mm: float) -> float:
     return float(thickness_mm)
 
 
+_OF_A_SETUP: tuple[tuple[str, Any, str], ...] = (
+    ("aperture_mm", Real, "a number"),
+    ("thickness_mm", Real, "a number"),
+    ("program", Program | None, "a Program or None"),
+    ("cycle", Integral, "a whole number"),
+    ("repeat", Integral, "a whole number"),
+    ("thickness_sd_mm", Real | None, "a number or None"),
+    ("placement", str | None, "a text or None"),
+)
+
+
 @dataclass(frozen=True)
 class Setup:
     """What a curve was measured with."""
@@ -55,6 +70,10 @@ class Setup:
 
     def __post_init__(self) -> None:
         """Refuse what cannot be."""
+        for name, expected, words in _OF_A_SETUP:
+            value: Any = getattr(self, name)
+            if not isinstance(value, expected) or isinstance(value, bool):
+                raise InputError(f"{name} {value!r}: expected {words}")
         check_aperture(self.aperture_mm)
         check_thickness(self.thickness_mm)
         if self.thickness_sd_mm is not None and not 0 <= self.thickness_sd_mm < self.thickness_mm:
@@ -98,9 +117,12 @@ class Curve:
 
     def __post_init__(self) -> None:
         """Check once, then freeze."""
-        n = len(self.time_s)
+        if not isinstance(self.setup, Setup):
+            raise InputError(f"{self.name}: setup {self.setup!r}: expected a Setup")
+        n = -1
         for column in ("time_s", "pressure_mbar", "deflection_mm"):
-            array = np.array(getattr(self, column), dtype=float)
+            array = self._readings(column)
+            n = array.size if n < 0 else n
             if array.shape != (n,):
                 raise InputError(f"{self.name}: {column} has {array.shape} values, expected ({n},)")
             bad = np.flatnonzero(~np.isfinite(array))
@@ -118,6 +140,30 @@ class Curve:
         phase = np.array(self._phases(), dtype="U6")
         phase.flags.writeable = False
         object.__setattr__(self, "_phase", phase)
+
+    def _readings(self, column: str) -> Array:
+        """Return a copy of a column as plain numbers.
+
+        Raises:
+            InputError: they are none, as durations and what is masked.
+        """
+        values = getattr(self, column)
+        if np.ma.is_masked(values):
+            first = int(np.argmax(np.ma.getmaskarray(values)))
+            raise InputError(
+                f"{self.name}: {column} is masked at sample {first + 1}; expected numbers alone: "
+                "leave such samples out of all three columns"
+            )
+        kind = np.asarray(values).dtype.kind
+        if kind in _NO_NUMBERS:
+            raise InputError(
+                f"{self.name}: {column} has {_NO_NUMBERS[kind]}, expected numbers in "
+                f"{column.rpartition('_')[2]}"
+            )
+        try:
+            return np.array(values, dtype=float)
+        except (TypeError, ValueError) as error:
+            raise InputError(f"{self.name}: {column}: {error}; expected numbers") from None
 
     def __len__(self) -> int:
         return len(self.time_s)

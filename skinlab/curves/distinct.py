@@ -1,8 +1,11 @@
-"""Whether curves that count as independent are: each of them once."""
+"""Whether curves that count as independent are: each of them once, by a name of its own."""
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
+from dataclasses import replace
+from itertools import count
 
 from skinlab.curves.curve import Curve
 from skinlab.errors import InputError
@@ -31,3 +34,23 @@ def check_distinct(curves: Sequence[Curve]) -> None:
                 "as each counts as data of its own"
             )
         seen |= dict.fromkeys(keys, curve.name)
+
+
+def named_apart(curves: Sequence[Curve]) -> tuple[Curve, ...]:
+    """Return the curves, each with a name of its own: what is said of one goes by it.
+
+    Of several sessions they are called by their file as well; else a number follows.
+    """
+    given = Counter(curve.name for curve in curves)
+    names = [
+        f"{c.campaign}:{c.name}" if given[c.name] > 1 and c.campaign is not None else c.name
+        for c in curves
+    ]
+    found: list[Curve] = []
+    taken: set[str] = set()
+    for curve, name in zip(curves, names, strict=True):
+        numbered = (f"{name} ({k})" for k in count(2))
+        own = name if name not in taken else next(n for n in numbered if n not in {*taken, *names})
+        taken.add(own)
+        found.append(curve if own == curve.name else replace(curve, name=own))
+    return tuple(found)

@@ -33,6 +33,10 @@ class SuctionRules:
     """Of those that are not about zero."""
     high: float = 0.9
     """So many of the deflections have to be below the opening's diameter; others are glitches."""
+    little: float = 0.25
+    """Of the highest suction: below, and above its complement, a dome is low, and high."""
+    inward_mm: float = 0.05
+    """By so much a dome that is read goes inwards: what drifts (1 µm/s) goes less far."""
 
 
 @dataclass(frozen=True)

@@ -40,6 +40,27 @@ def check_height(curve: Curve) -> None:
         )
 
 
+def check_outward(curve: Curve) -> None:
+    """Refuse a curve whose dome is recorded as going down; a zero may be off, and drift.
+
+    Raises:
+        InputError: under much suction the deflections are below those under little; names it.
+    """
+    top = np.quantile(curve.pressure_mbar, SUCTION.high) if len(curve) else 0.0
+    if top <= SUCTION.about_zero_mbar:
+        return
+    much = curve.deflection_mm[curve.pressure_mbar >= (1.0 - SUCTION.little) * top]
+    little = curve.deflection_mm[curve.pressure_mbar <= SUCTION.little * top]
+    if min(len(much), len(little)) < SUCTION.fewest_below:
+        return
+    falls_mm = float(np.median(little) - np.median(much))
+    if falls_mm > SUCTION.inward_mm:
+        raise InputError(
+            f"{curve.name}: deflection_mm falls by {falls_mm:.2g} under suction; expected a dome, "
+            "which is positive: change its sign, or let `skinlab import --deflection-sign -` do so"
+        )
+
+
 def check_dome(curve: Curve) -> None:
     """Refuse a curve whose deflection is the same all the time, however the suction changes.
 

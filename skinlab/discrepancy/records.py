@@ -16,7 +16,7 @@ from skinlab.curves.curve import Curve
 from skinlab.curves.pressure_glitches import pressure_glitches
 from skinlab.curves.pressure_path import PressurePath
 from skinlab.curves.settings import SUCTION
-from skinlab.curves.suction import check_dome, check_height, check_suction
+from skinlab.curves.suction import check_dome, check_height, check_outward, check_suction
 from skinlab.discrepancy.settings import ERRORS
 from skinlab.errors import InputError
 from skinlab.inference.batch import noise_from_repeats_um
@@ -109,7 +109,7 @@ def records_of(campaign: Campaign, *, every: bool = False) -> list[Record]:
     `every` one has been chosen already.
 
     Raises:
-        InputError: a curve is too short, its suction is recorded as negative, or none, its
+        InputError: a curve is too short, its suction or dome is recorded as negative, or none, its
             deflection is the same at every suction, or higher than its opening is wide; names it.
     """
     found = []
@@ -119,6 +119,7 @@ def records_of(campaign: Campaign, *, every: bool = False) -> list[Record]:
         check_suction(curve)
         check_dome(curve)
         check_height(curve)
+        check_outward(curve)
         true = curve if curve.probe is None else corrected(curve, curve.probe)
         noise_mbar = pressure_noise_mbar(true.time_s, true.pressure_mbar)
         bad = pressure_glitches(true, noise_mbar) & (not every)

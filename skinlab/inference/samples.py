@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from skinlab.curves.curve import Curve, Setup
 from skinlab.curves.pressure_glitches import pressure_glitches
 from skinlab.curves.settings import SAMPLES
-from skinlab.curves.suction import check_height, check_suction
+from skinlab.curves.suction import check_height, check_outward, check_suction
 from skinlab.errors import InputError
 from skinlab.inference.noise import pressure_noise_mbar
 from skinlab.inference.pressure_course import smooth_course
@@ -153,12 +153,13 @@ def choose(
     """Return the samples of the phases that the database speaks of, evenly some of very many.
 
     Raises:
-        InputError: they are too few, the suction is recorded as negative, or the dome is higher
-            than its opening is wide.
+        InputError: they are too few, the suction or the dome is recorded as negative, or the dome
+            is higher than its opening is wide.
         NotTrustworthyError: it does not speak of such a curve at all.
     """
     check_suction(curve)
     check_height(curve)
+    check_outward(curve)
     asked = curve.in_phases(phases)
     mask = asked & database.covers(curve)
     noise_mbar = pressure_noise_mbar(curve.time_s, curve.pressure_mbar)

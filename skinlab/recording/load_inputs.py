@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -50,8 +50,7 @@ def read_input(path: Path, setup: Setup | None) -> Input:
     Raises:
         InputError: the file cannot be read, or is none of these.
     """
-    if path.is_dir():
-        path = path / "campaign.toml"
+    path = _file_of(path)
     if not path.is_file():
         raise InputError(f"{path}: no such file")
     suffix = path.suffix.lower()
@@ -80,6 +79,23 @@ def read_input(path: Path, setup: Setup | None) -> Input:
     )
 
 
+def _file_of(path: Path) -> Path:
+    """Return the file that is meant: of a folder its campaign.
+
+    Raises:
+        InputError: the folder has none; says who takes a folder of curves.
+    """
+    if not path.is_dir():
+        return path
+    file = path / "campaign.toml"
+    if not file.exists():
+        raise InputError(
+            f"{path}: a folder without a campaign.toml, which names its curves; `skinlab study` "
+            "reads any folder of curves"
+        )
+    return file
+
+
 def check_session_name(path: Path) -> None:
     """Make sure that commands would take a file of this name for a session.
 
@@ -90,8 +106,11 @@ def check_session_name(path: Path) -> None:
         raise InputError(f"{path}: expected a name that ends with .h5, as sessions have")
 
 
-def import_advice(paths: Iterable[Path]) -> str:
-    """Return what to do with the first of these that only `skinlab import` reads; "" for none."""
+def import_advice(paths: Sequence[Path]) -> str:
+    """Return what to do with the first of these that is no input, but could be; "" for none."""
+    bare = next((p for p in paths if p.is_dir() and not (p / "campaign.toml").exists()), None)
+    if bare is not None:
+        return f"; {bare} is a folder without a campaign.toml: name its curves one by one"
     ours = {".csv", ".toml", *SESSIONS}
     foreign = (p for p in paths if p.suffix.lower() not in ours and p.is_file())
     first = next(foreign, None)
@@ -107,8 +126,7 @@ def read_campaign_or_session(path: Path) -> tuple[Campaign, dict[str, str]]:
     Raises:
         InputError: the file cannot be read, is neither, has a curve twice, or none that counts.
     """
-    if path.is_dir():
-        path = path / "campaign.toml"
+    path = _file_of(path)
     if not path.exists():
         raise InputError(f"{path}: no such file")
     suffix = path.suffix.lower()

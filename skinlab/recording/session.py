@@ -302,6 +302,7 @@ def read_session(path: Path) -> Session:
             noise_um=noise_um,
             pressure_noise_mbar=pressure_mbar,
             skin=stated_skin(str(path), stored.session.meta),
+            campaign=str(path),
         )
         for c in stored.session.curves
     )

@@ -26,10 +26,11 @@ from skinlab.studies.sources import (
     sha256_of,
 )
 from skinlab.studies.state import State
-from skinlab.versions import __version__
+from skinlab.versions import versions
 from skinlab.workers import on_cluster, on_processes
 
 _VISIT = "day of the measurement"  # what a session's visit is: rows that say another are redone
+_NO_MATTER = ("python", "machine")  # of the versions: tables do not state them
 _BATCH = 8  # files a task: a second of work, lost at most when a process is killed
 
 Progress = Callable[[int, int], None]
@@ -50,7 +51,8 @@ class How:
 
 def settings_of(identifier: Identifier) -> str:
     """Return all of the identification that its answers depend on, as JSON."""
-    said = {**identification_settings(identifier), "skinlab": __version__}
+    running = {k: v for k, v in versions().items() if k not in _NO_MATTER}
+    said = {**identification_settings(identifier), **running}
     said.pop("database_path", None)  # its hash says which it is, wherever it lies
     return json.dumps(said, sort_keys=True)
 

@@ -38,7 +38,7 @@ Cell = str | int | float | bool | None
 STEP_NUMBERS = tuple(FORMULAS)
 _ANSWER = ("error_um", "rms_um", "noise_um")
 _GROUP_ROWS = 10_000  # of a Parquet file, held in memory at a time
-_TEXT = frozenset(
+TEXT = frozenset(
     {"file", "curve", "sha256", *LABELS, "program", "flags", "error", "method", "model"}
     | {"model_hash", "database_hash", "skinlab_version", "code", "numpy", "scipy", "same_as"}
 )
@@ -230,7 +230,7 @@ def write_parquet(path: Path, layout: Layout, found: Iterator[dict[str, Cell]]) 
     except ImportError:
         return False
     whole = {"cycle", "repeat", "points", "fitted_points", "seed"}
-    text = _TEXT | set(layout.covariates)
+    text = TEXT | set(layout.covariates)
     schema = pa.schema(
         [
             pa.field(

@@ -38,6 +38,8 @@ Array = NDArray[np.float64]
 
 MOST_BYTES = 64 << 20
 _HEAD_BYTES = 4096
+_ZERO_MM = 0.02  # a zero may be off by it
+_GLITCHES, _FEW = 0.02, 4  # readings that may be glitches: a share of very many, else so many
 _ZIP, _OLE = b"PK\x03\x04", b"\xd0\xcf\x11\xe0"
 
 
@@ -89,9 +91,10 @@ def _as_the_heading_says(curve: Curve) -> bool:
         check_suction(curve)
     except InputError:
         return False
-    deflection = curve.deflection_mm
-    far = np.abs(deflection) > curve.setup.aperture_mm
-    return not (_inward(deflection) or far.any() or beyond_any_program(curve.pressure_mbar).any())
+    inside = max(_reaches(curve.deflection_mm)) <= curve.setup.aperture_mm
+    return inside and not (
+        _inward(curve.deflection_mm) or beyond_any_program(curve.pressure_mbar).any()
+    )
 
 
 def import_file(path: Path, setup: Setup, answers: Answers) -> Imported:
@@ -192,8 +195,8 @@ def _outward(deflection: Array, answers: Answers) -> tuple[Array, list[str]]:
         sign = answers.choose(
             Question(
                 "deflection-sign",
-                f"the deflection goes to {deflection.min():g} mm, and a dome is positive here; "
-                "- if the file counts the dome as negative, + if not",
+                f"the deflection goes to {-_reaches(deflection)[0]:g} mm, and a dome is positive "
+                "here; - if the file counts the dome as negative, + if not",
                 ("-", "+"),
             )
         )
@@ -204,13 +207,27 @@ def _outward(deflection: Array, answers: Answers) -> tuple[Array, list[str]]:
 
 def _inward(deflection: Array) -> bool:
     """Return whether most of the deflection (rows,) is below zero, and more than a zero is off."""
-    return bool(-deflection.min() > max(0.02, deflection.max()))
+    below, above = _reaches(deflection)
+    return below > max(_ZERO_MM, above)
+
+
+def _reaches(deflection: Array) -> tuple[float, float]:
+    """Return how far a deflection (rows,) goes below and above zero, mm, glitches aside."""
+    ordered, count = np.sort(deflection), len(deflection)
+    aside = max(int(_GLITCHES * count), min(_FEW, count // 5))
+    return -float(ordered[aside]), float(ordered[-1 - aside])
 
 
 def _check_deflection(deflection: Array, setup: Setup, table: Table) -> None:
+    """Refuse a deflection that is higher than its opening is wide; single readings may be glitches.
+
+    Raises:
+        InputError: names the line.
+    """
+    if max(_reaches(deflection)) <= setup.aperture_mm:
+        return
     far = np.flatnonzero(np.abs(deflection) > setup.aperture_mm)
-    if far.size:
-        raise InputError(
-            f"line {table.lines[int(far[0])]}: a deflection of {deflection[far[0]]:g} mm under an "
-            f"opening of {setup.aperture_mm:g} mm; expected less (is its unit right?)"
-        )
+    raise InputError(
+        f"line {table.lines[int(far[0])]}: a deflection of {deflection[far[0]]:g} mm under an "
+        f"opening of {setup.aperture_mm:g} mm; expected less (is its unit right?)"
+    )

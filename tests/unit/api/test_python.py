@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import json
 import os
 import pickle
@@ -79,6 +80,23 @@ def test_a_study_says_what_it_needs(tmp_path):
         skinlab.study(tmp_path, out=tmp_path / "study", workers=0)
 
 
+def test_subjects_of_a_study_are_texts_in_its_frame(curve, tmp_path):
+    """Read as numbers, 007 and 7 had been one person."""
+    pytest.importorskip("pandas")
+    for number, subject in enumerate(("007", "7")):
+        file = tmp_path / "curves" / subject / "v1.csv"
+        file.parent.mkdir(parents=True)
+        moved = replace(curve, deflection_mm=curve.deflection_mm + 1e-3 * number)
+        file.write_text(str(moved))
+    study = skinlab.study(
+        tmp_path / "curves", out=tmp_path / "out", layout="{subject}/v{visit}", workers=1, **OPENING
+    )
+    frame = study.to_frame()
+    assert frame.subject.tolist() == ["007", "7"]
+    assert frame.visit.tolist() == [1, 1]
+    assert frame.site.isna().all()
+
+
 def test_importing_is_light_and_complete(tmp_path):
     done = python(
         "import sys, skinlab\n"
@@ -146,7 +164,17 @@ def test_a_result_can_be_changed_no_more_than_copied(curve):
     copied = found.to_dict()
     copied["curves"][0]["flags"].append("mine")
     assert found.flags == []
-    assert pickle.loads(pickle.dumps(found)).parameters == found.parameters
+
+
+def test_a_result_in_another_process_is_small_and_whole(curve):
+    """It had been 7 MB, of which 300 results from a pool of processes made 2 GB."""
+    found = skinlab.identify(curve)
+    pickled = pickle.dumps(found)
+    assert len(pickled) < 100_000
+    again = pickle.loads(pickled)
+    assert again.to_dict() == found.to_dict()
+    assert str(again) == str(found)
+    assert copy.deepcopy(found)._identifier.database is found._identifier.database
 
 
 def test_options_of_a_method_go_by_name(curve):
@@ -265,7 +293,7 @@ def test_several_curves_answer_together(curve):
     with pytest.warns(UserWarning, match="1 curve of later cycles"):
         found = skinlab.identify_joint(campaign)
     assert found.to_dict()["curves"] == []
-    assert found.files == ["simulated", "simulated"]
+    assert found.files == ["simulated", "simulated (2)"]
     same = skinlab.identify_joint([curve, again], noise_um=3.0, pressure_noise_mbar=0.0)
     assert found.parameters == same.parameters
     assert found.parameters != skinlab.identify_joint([curve, again]).parameters
@@ -282,6 +310,29 @@ def test_several_curves_answer_together(curve):
         skinlab.explain(twice)
     assert "arm" in repr(campaign)
     assert len(campaign.to_dict()["curves"]) == 3
+
+
+@pytest.mark.parametrize(
+    ("stated", "sentence"),
+    [
+        ({"noise_um": -3.0}, "noise_um -3.0: expected more than 0 and less than 1e6, or None"),
+        ({"noise_um": float("nan")}, "noise_um nan: expected more than 0"),
+        ({"pressure_noise_mbar": "0.2"}, "pressure_noise_mbar '0.2': expected 0 or more"),
+        ({"placement_scatter": 2.0}, "placement_scatter 2.0: expected 0 to below 1, or None"),
+        ({"curves": ()}, "curves: expected one curve or more"),
+        ({"curves": ("c.csv",)}, "curves: 'c.csv' is no curve"),
+    ],
+)
+def test_a_campaign_that_no_file_could_state_is_refused(curve, stated, sentence):
+    """Such a one had been a traceback of numpy; a scatter of 200 % was taken."""
+    with pytest.raises(skinlab.InputError) as told:
+        skinlab.Campaign(
+            **{"title": "", "noise_um": None, "pressure_noise_mbar": None, "curves": (curve,)}
+            | stated
+        )
+    assert sentence in str(told.value)
+    known = skinlab.Campaign("", None, None, [curve], "auto")
+    assert (known.curves, known.placement_scatter) == ((curve,), None)
 
 
 @pytest.mark.long

@@ -114,3 +114,55 @@ def test_refuses_a_setup_that_cannot_be(setup, says):
     with pytest.raises(InputError) as caught:
         Setup(**{"aperture_mm": 6.0, "thickness_mm": 1.0, **setup})
     assert says in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("column", "make", "sentence"),
+    [
+        ("time_s", lambda t: (1e9 * t).astype("m8[ns]"), "time_s has durations, expected numbers"),
+        ("time_s", lambda t: (1e9 * t).astype("M8[ns]"), "time_s has dates, expected numbers in s"),
+        ("time_s", lambda t: 3.0, "time_s has () values"),
+        ("time_s", lambda t: None, "time_s has () values"),
+        ("pressure_mbar", lambda p: p + 1j, "pressure_mbar has complex numbers, expected"),
+        ("deflection_mm", lambda w: w > 3.0, "deflection_mm has truth values, expected numbers in"),
+        ("deflection_mm", lambda w: w[:, None], "deflection_mm has (6, 1) values, expected (6,)"),
+        ("deflection_mm", lambda w: w[1:], "deflection_mm has (5,) values, expected (6,)"),
+        ("deflection_mm", lambda w: [f"{x} mm" for x in w], "deflection_mm: could not convert"),
+        (
+            "deflection_mm",
+            lambda w: np.ma.masked_array(w, mask=w == 3.0),
+            "c: deflection_mm is masked at sample 4; expected numbers alone: leave such samples",
+        ),
+    ],
+)
+def test_what_is_no_column_of_numbers_is_refused(column, make, sentence):
+    """A mask had been ignored, and durations were taken for seconds, a billion times too many."""
+    columns = {name: np.arange(6.0) for name in ("time_s", "pressure_mbar", "deflection_mm")}
+    with pytest.raises(InputError) as told:
+        Curve("c", Setup(6, 1), **columns | {column: make(columns[column])})
+    assert sentence in str(told.value)
+
+
+def test_numbers_of_any_kind_are_numbers():
+    whole, masked = np.arange(6), np.ma.masked_array(np.arange(6.0), mask=False)
+    curve = Curve("c", Setup(np.float32(6), np.int64(1)), whole, masked, whole.astype(object))
+    assert [type(a) for a in (curve.time_s, curve.pressure_mbar)] == [np.ndarray, np.ndarray]
+    assert curve.deflection_mm.dtype == float
+
+
+@pytest.mark.parametrize(
+    ("field", "value", "sentence"),
+    [
+        ("aperture_mm", "6", "aperture_mm '6': expected a number"),
+        ("thickness_mm", None, "thickness_mm None: expected a number"),
+        ("thickness_sd_mm", True, "thickness_sd_mm True: expected a number or None"),
+        ("program", "ramp:100@20", "program 'ramp:100@20': expected a Program or None"),
+        ("cycle", 1.0, "cycle 1.0: expected a whole number"),
+        ("placement", 3, "placement 3: expected a text or None"),
+    ],
+)
+def test_a_setup_of_other_types_is_refused(field, value, sentence):
+    with pytest.raises(InputError, match=sentence):
+        Setup(**{"aperture_mm": 6.0, "thickness_mm": 1.0} | {field: value})
+    with pytest.raises(InputError, match="setup None: expected a Setup"):
+        Curve("c", None, *np.arange(18.0).reshape(3, 6))

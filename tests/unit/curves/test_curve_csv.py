@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import io
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -107,3 +108,17 @@ def test_files_that_are_no_text(tmp_path):
         read_curve(path, Setup(6, 1))
     with pytest.raises(InputError, match="No such file"):
         read_curve(tmp_path / "absent.csv", Setup(6, 1))
+
+
+def test_times_of_a_computers_clock_are_read_and_written_whole(tmp_path):
+    """Of Unix times 9 digits tell no sample from the next."""
+    time_s = 1.75e9 + 0.05 * np.arange(20)
+    curve = Curve("c", Setup(6, 1), time_s, np.arange(20.0), 0.01 * np.arange(20))
+    path = tmp_path / "c.csv"
+    with path.open("w") as stream:
+        write_curve(stream, curve)
+    assert "\n1750000000.05,1,0.01\n" in path.read_text()
+    assert read_curve(path, Setup(6, 1)).time_s == pytest.approx(time_s, rel=0, abs=1e-5)
+    with path.open("w") as stream:
+        write_curve(stream, replace(curve, time_s=0.1 * np.arange(20)))
+    assert "\n0.3,3,0.03\n" in path.read_text()

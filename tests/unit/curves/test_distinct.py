@@ -9,7 +9,7 @@ import pytest
 
 from skinlab.cli.main import run
 from skinlab.curves.curve import Curve, Setup
-from skinlab.curves.distinct import check_distinct
+from skinlab.curves.distinct import check_distinct, named_apart
 from skinlab.errors import InputError
 
 TIME = 0.1 * np.arange(11)
@@ -53,3 +53,20 @@ def test_commands_that_explain_curves_together_refuse(tmp_path, capsys):
         assert run(command) == 3
         said = capsys.readouterr().err
         assert "a.csv: the same readings are given twice" in said
+
+
+def test_curves_of_one_name_are_told_apart():
+    """A part of the data is left out by its curve's name, and what is left out is told by it."""
+    session = replace(ONE, name="curve 1", campaign="monday.h5")
+    other = replace(session, campaign="friday.h5")
+    given = [session, other, ONE, OTHER, ONE, replace(ONE, name="a.csv (2)"), ONE]
+    assert [curve.name for curve in named_apart(given)] == [
+        "monday.h5:curve 1",
+        "friday.h5:curve 1",
+        "a.csv",
+        "b.csv",
+        "a.csv (3)",
+        "a.csv (2)",
+        "a.csv (4)",
+    ]
+    assert named_apart([session, OTHER]) == (session, OTHER)

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from skinlab.curves.curve import Curve, Setup
-from skinlab.curves.suction import check_dome, check_height, check_suction
+from skinlab.curves.suction import check_dome, check_height, check_outward, check_suction
 from skinlab.errors import InputError
 
 
@@ -55,3 +57,22 @@ def test_a_dome_that_is_higher_than_its_opening_is_wide_is_refused():
         check_height(high)
     glitch = np.where(np.arange(50) == 20, 9.9, mm)
     check_height(Curve("c", flat.setup, flat.time_s, flat.pressure_mbar, glitch))
+
+
+def test_a_dome_below_zero_is_refused_and_a_zero_that_is_off_or_drifts_is_not():
+    """Such a curve was answered by the stiffest skin that there is."""
+    there_and_back = np.concatenate([np.linspace(0.0, 100.0, 50), np.linspace(98.0, 0.0, 49)])
+    flat = curve(there_and_back)
+    dome = 4e-3 * flat.pressure_mbar
+
+    def check(deflection_mm):
+        check_outward(replace(flat, deflection_mm=deflection_mm))
+
+    with pytest.raises(
+        InputError, match=r"c: deflection_mm falls by 0\.29 under suction; expected"
+    ):
+        check(0.2 - dome)
+    for good in (dome - 0.6, 0.05 * dome - 1e-3 * flat.time_s, np.where(dome > 0.39, -1.0, dome)):
+        check(good)
+    check_outward(curve(np.full(50, 0.5)))
+    check_outward(Curve("c", flat.setup, *np.empty((3, 0))))

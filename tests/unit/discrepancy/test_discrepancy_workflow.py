@@ -262,6 +262,35 @@ def test_curves_of_one_name_in_two_folders_are_two(tmp_path, monkeypatch, table)
     assert len(set(asked)) == 2
 
 
+def test_each_curve_has_a_name_of_its_own(tmp_path, monkeypatch, table):
+    """Curves of two sessions are called alike, and a trial leaves one out by its name."""
+    explained = []
+    monkeypatch.setattr(explaining.cache, "load", lambda name, records: explained.append(records))
+    monkeypatch.setattr(explaining.workflow, "explain", lambda *_, **__: None)
+    monkeypatch.setattr(explaining.cache, "save", lambda *_: None)
+    given, _ = write_campaign(tmp_path, ["a/d.csv", "b/d.csv"])
+    alike = tuple(
+        replace(c, name="curve 1", campaign=where)
+        for c, where in zip(given.curves, ("monday.h5", "friday.h5"), strict=True)
+    )
+    explaining.outcome_of(replace(given, curves=alike), BASE, table)
+    names = [record.name for record in explained[0]]
+    assert names == ["monday.h5:curve 1", "friday.h5:curve 1"]
+
+
+def test_the_cache_knows_which_curves_are_of_one_placement(tmp_path, monkeypatch, table):
+    asked = []
+    monkeypatch.setattr(explaining.cache, "load", lambda name, records: asked.append(name) or name)
+    given, _ = write_campaign(tmp_path, ["a.csv", "b.csv"])
+    for where in ("monday.h5", "friday.h5"):
+        curves = tuple(
+            replace(c, setup=replace(c.setup, placement="1"), campaign=campaign)
+            for c, campaign in zip(given.curves, ("monday.h5", where), strict=True)
+        )
+        explaining.outcome_of(replace(given, curves=curves), BASE, table)
+    assert len(set(asked)) == 2
+
+
 def test_a_whole_path_in_a_campaign_that_is_named_from_here(tmp_path, monkeypatch):
     """It was an internal error."""
     write_campaign(tmp_path / "c", ["d.csv"])

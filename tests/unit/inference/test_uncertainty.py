@@ -676,6 +676,40 @@ class TestCommand:
         path = self.campaign(table, tmp_path)
         assert run(["identify", path, "--method", "sto", "--advise"]) == 2
 
+    def test_advice_is_for_the_curve_that_has_an_answer(self, table, tmp_path, capsys):
+        path = Path(self.campaign(table, tmp_path))
+        text = path.read_text()
+        path.write_text(text.replace("thickness_mm = 1.0", "thickness_mm = 0.1", 1))
+        assert run(["identify", str(path), "--advise", "--json"]) == 5  # the first is too thin
+        thin = json.loads(capsys.readouterr().out)
+        assert thin["curves"][0]["error"]
+        assert thin["advice"]
+
+    def test_advice_knows_the_stated_scatter_of_placements(
+        self, table, tmp_path, capsys, monkeypatch
+    ):
+        stated = []
+        monkeypatch.setattr(
+            Identifier, "advise", lambda self, *_: stated.append(self.sensor.placement_scatter)
+        )
+        path = Path(self.campaign(table, tmp_path))
+        path.write_text(
+            path.read_text().replace("[[curve]]", "placement_scatter = 0.02\n[[curve]]", 1)
+        )
+        for more in ([], ["--joint"], ["--joint", "--placement-scatter", "0"]):
+            run(["identify", str(path), "--advise", *more])
+        assert stated == [0.02, 0.02, 0.0]
+
+    def test_a_reference_is_read_before_anything_is_computed(
+        self, table, tmp_path, capsys, monkeypatch
+    ):
+        monkeypatch.setattr(Identifier, "__call__", lambda *_: pytest.fail("computed"))
+        wrong = tmp_path / "reference.toml"
+        wrong.write_text("time_s,pressure_mbar")
+        options = ["--reference", str(wrong), "--site", "arm"]
+        assert run(["identify", self.campaign(table, tmp_path), *options]) == 3
+        assert "reference.toml: " in capsys.readouterr().err
+
     @pytest.mark.parametrize(
         "option", [["--noise-um", "-1"], ["--noise-um", "nan"], ["--pressure-noise-mbar", "-2"]]
     )

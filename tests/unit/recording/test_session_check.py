@@ -261,5 +261,7 @@ def test_a_placement_is_kept_where_it_is_stated_and_older_sessions_are_as_they_w
     write_session(other, stated)  # its "left arm" is another putting-on
     labelled = [read_input(one, None).curves[0] for one in (path, path, other)]
     assert placements_of(labelled) == [0, 0, 1]
+    in_python = [read_session(one).curves[0] for one in (path, path, other)]
+    assert placements_of(in_python) == [0, 0, 1]
     with pytest.raises(InputError, match="placement is 3, expected a text"):
         setup_from_json(setup_to_json(setup) | {"placement": 3})

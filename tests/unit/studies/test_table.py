@@ -31,6 +31,7 @@ from skinlab.studies.facts import pseudonym
 from skinlab.studies.path_layout import PathLayout
 from skinlab.studies.state import State
 from skinlab.studies.table import Placements
+from skinlab.versions import versions
 
 
 def test_every_curve_is_a_row_and_every_broken_file_has_a_reason(cohort, made):
@@ -248,6 +249,19 @@ def test_other_settings_are_refused_with_resume_and_computed_again_without(cohor
     shutil.copytree(made[0], out)
     with pytest.raises(InputError, match="seed: 0 then, 7 now"):
         study(cohort, "--out", out, "--workers", 1, "--resume", "--seed", 7)
+
+
+@pytest.mark.parametrize("what", ["numpy", "code", "plugin mine"])
+def test_what_other_software_computed_is_not_gone_on_with(
+    cohort, made, tmp_path, monkeypatch, what
+):
+    """Rows had stayed when a plugin's error model changed, and stated the numpy of now."""
+    out = tmp_path / "study"
+    shutil.copytree(made[0], out)
+    now = versions()
+    monkeypatch.setattr("skinlab.studies.run.versions", lambda: now | {what: "another"})
+    with pytest.raises(InputError, match=f"{what}: .* then, another now"):
+        study(cohort, "--out", out, "--workers", 1, "--resume")
 
 
 def test_two_studies_do_not_write_to_one_folder(cohort, made, tmp_path):

@@ -513,3 +513,14 @@ def test_an_answer_is_kept_for_files_with_the_same_headings(tmp_path):
     kept.write_text("[[layout]]\nheading = []")
     with pytest.raises(InputError, match="did you mean headings"):
         Remembered(kept)
+
+
+@pytest.mark.parametrize("glitch_mm", [-0.9, 60.0])
+def test_a_glitch_of_the_deflection_turns_no_dome_and_is_no_other_unit(glitch_mm):
+    """A study refused a curve for one reading that is left out of its fit."""
+    lines = rows().splitlines(keepends=True)
+    for at in (20, 70):
+        lines[at] = ";".join([*lines[at].split(";")[:2], f"{glitch_mm}\n"])
+    curve = read("t (s);p (mbar);w (mm)\n" + "".join(lines)).curve
+    assert curve.deflection_mm[20] == glitch_mm
+    assert curve.deflection_mm[-1] == pytest.approx(0.3)
