@@ -301,9 +301,7 @@ def _fit(
         fit = search.fitter.fit(unknowns, np.concatenate([law, own[k:]]), limit)
         if fit is not None and (best is None or fit.cost < best.cost):
             best = fit
-        if best is None or not best.settled or best.cost >= base.cost:
-            continue
-        if not at_wall(best).any():
+        if best is not None and best.settled and best.cost < base.cost and not at_wall(best).any():
             break
     return best
 

@@ -12,11 +12,11 @@ from skinlab.discrepancy.candidates import Candidate, Found, behind_best
 from skinlab.discrepancy.discipline import Shares, Trial
 from skinlab.discrepancy.families import Learned, describe_learned
 from skinlab.discrepancy.heldout import HeldOut
-from skinlab.discrepancy.moments import Moments, shared_moments
 from skinlab.discrepancy.next_measurement import NextMeasurement, Plan
 from skinlab.discrepancy.posterior import Posterior, gaussian
 from skinlab.discrepancy.screen import Signature
 from skinlab.discrepancy.settings import NAMES
+from skinlab.discrepancy.shared_glitches import SharedGlitches, shared_glitches
 from skinlab.discrepancy.verdict import Verdict
 from skinlab.inference.error_judgement import ErrorModelSummary, PlacementSummary
 from skinlab.mechanics.effects import Parameter, all_effects
@@ -137,7 +137,7 @@ class Outcome:
             "not_screened": self.not_screened,
             "left_out": self.found.left_out,
             "left_out_in_all_repeats": [
-                {"files": list(m.files), "time_s": list(m.time_s)} for m in self.shared_moments
+                {"files": list(m.files), "time_s": list(m.time_s)} for m in self.shared_glitches
             ],
             "next_measurement": None
             if self.next_measurement is None
@@ -148,9 +148,9 @@ class Outcome:
         }
 
     @cached_property
-    def shared_moments(self) -> list[Moments]:
+    def shared_glitches(self) -> list[SharedGlitches]:
         """When samples of all repeats of a program were left out."""
-        return shared_moments(self.found.records)
+        return shared_glitches(self.found.records)
 
     @property
     def where(self) -> list[Place]:

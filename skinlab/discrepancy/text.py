@@ -20,7 +20,7 @@ _SHOWN = 5
 _BY_CHANCE = 0.1  # from here on how often chance does as much says nothing
 _ROWS = 6  # of a learned function
 _TIED = 3  # explanations whose values are told
-_MOST_MOMENTS = 6  # that are told
+_MOST_TIMES = 6  # of glitches that repeats share, which are told
 _NAME_WIDTH, _VALUE_WIDTH = 28, 32  # of columns of parameters, at least
 
 
@@ -176,9 +176,9 @@ def left_out_words(outcome: Outcome) -> list[str]:
     if not each:
         return []
     lines = [f"Left out, as glitches that belong to no curve: {', '.join(each)}."]
-    for one in outcome.shared_moments:
-        times = ", ".join(f"{t:.4g}" for t in one.time_s[:_MOST_MOMENTS])
-        more = ", …" if len(one.time_s) > _MOST_MOMENTS else ""
+    for one in outcome.shared_glitches:
+        times = ", ".join(f"{t:.4g}" for t in one.time_s[:_MOST_TIMES])
+        more = ", …" if len(one.time_s) > _MOST_TIMES else ""
         which = "both" if len(one.files) == 2 else f"all {len(one.files)}"
         lines.append(
             f"Of these, {which} repeats of {inert(one.files[0])} have some at the same "

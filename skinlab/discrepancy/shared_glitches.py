@@ -19,18 +19,18 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class Moments:
+class SharedGlitches:
     """When samples of all repeats of one program were left out."""
 
     files: tuple[str, ...]
     time_s: tuple[float, ...]  # of the first repeat, one of a run
 
 
-def shared_moments(records: Sequence[Record]) -> list[Moments]:
+def shared_glitches(records: Sequence[Record]) -> list[SharedGlitches]:
     """Return them, of each program whose repeats share more moments than chance would give."""
     groups = [[records[i] for i in members] for members in by_condition(records)]
     found = [(group, _shared_s(group)) for group in groups if len(group) > 1]
-    return [Moments(tuple(r.name for r in group), when) for group, when in found if when]
+    return [SharedGlitches(tuple(r.name for r in group), when) for group, when in found if when]
 
 
 def _shared_s(repeats: Sequence[Record]) -> tuple[float, ...]:
