@@ -2,16 +2,75 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-_BENT = 0.1  # an anchor nearer than that tells of the mesh, not of the bend
+_NOISE, _SLOPES_NOISE = 1e-6, 1e-4  # variances, of what a correction bends by in a length
+_EXACT = 1e-6  # of these
 _TREND = 5  # nodes from which a correction goes on beyond
 _LITTLE = 0.05  # of the most that relaxes in a curve: of less no share is taken
+
+
+@dataclass(frozen=True, eq=False)
+class Points:
+    """Where corrections are known with their slopes: the anchor first, which is 0.
+
+    Between them they are smooth: a Gaussian process of squared exponential kernel, with slopes
+    (Rasmussen and Williams 2006, Gaussian Processes for Machine Learning, ch. 9.4).
+    """
+
+    off: Array  # (p, k) the anchor, in lengths of the process
+    lengths: Array  # (k,)
+
+    @classmethod
+    def anchor(cls, lengths: Array) -> Points:
+        """Return the anchor alone."""
+        return cls(np.zeros((1, len(lengths))), lengths)
+
+    def also(self, off: Array) -> Points:
+        """Return these points, and others off the anchor by (n, k)."""
+        return Points(np.vstack([self.off, off / self.lengths]), self.lengths)
+
+    def doubt(self, off: Array) -> Array:
+        """Return how little is known (n,) off the anchor by (n, k): 1 far off, 0 at a point."""
+        known = self.covariance(off)
+        return np.asarray(1.0 - np.einsum("ij,ji->i", known, np.linalg.solve(self._gram, known.T)))
+
+    def weights(self, values: Array, slopes: Array) -> Array:
+        """Return weights (p (1 + k), m) of values (p, m) and their slopes (p, m, k)."""
+        each = (slopes * self.lengths).transpose(2, 0, 1).reshape(-1, values.shape[1])
+        return np.asarray(np.linalg.solve(self._gram, np.vstack([values, each])))
+
+    def covariance(self, off: Array) -> Array:
+        """Return covariances (n, p (1 + k)) of values off the anchor with what is known."""
+        apart, kernel = self._kernel(off / self.lengths)
+        return np.hstack([kernel, *(apart * kernel[:, :, None]).transpose(2, 0, 1)])
+
+    def _kernel(self, off: Array) -> tuple[Array, Array]:
+        apart = off[:, None] - self.off
+        return apart, np.exp(-0.5 * np.square(apart).sum(axis=2))
+
+    @cached_property
+    def _gram(self) -> Array:
+        """The covariance (p (1 + k), p (1 + k)) of what is known."""
+        count, k = self.off.shape
+        apart, kernel = self._kernel(self.off)
+        rows = [self.covariance(self.off * self.lengths)]
+        for i in range(k):
+            with_slopes = [
+                (float(i == j) - apart[:, :, i] * apart[:, :, j]) * kernel for j in range(k)
+            ]
+            rows.append(np.hstack([-apart[:, :, i] * kernel, *with_slopes]))
+        # The anchor itself is exact: the others give way to it.
+        own = np.append(_EXACT, np.ones(count - 1))
+        noise = np.concatenate([_NOISE * own, np.tile(_SLOPES_NOISE * own, k)])
+        return np.vstack(rows) + np.diag(noise)
 
 
 @dataclass(eq=False)
@@ -20,25 +79,25 @@ class Learnt:
 
     value: Array  # (m,)
     slopes: Array  # (m, k)
-    bend: tuple[Array, Array] | None = None  # (k,) along which, and by how much (m,)
+    more: tuple[Points, Array] | None = field(default=None, init=False)  # with weights
 
     def at(self, off: Array) -> Array:
         """Return the corrections (n, m) off the anchor by (n, k)."""
         found = np.asarray(self.value + off @ self.slopes.T)
-        if self.bend is not None:
-            along, much = self.bend
-            found += np.square(off @ along)[:, None] * much
+        if self.more is not None:
+            points, weights = self.more
+            found += points.covariance(off) @ weights
         return found
 
-    def bends(self, value: Array, off: Array) -> None:
-        """Take a value off the anchor by (k,): along the way there it is a parabola.
-
-        A second order of one direction is what follows a valley that turns (Schnabel and Frank
-        1984, SIAM J. Numer. Anal. 21:815).
-        """
-        length = float(off @ off)
-        if length > _BENT**2:
-            self.bend = off / length, value - self.at(off[None])[0]
+    def passes(self, points: Points, others: Sequence[Learnt]) -> None:
+        """Take values and slopes at points, the anchor first: between them it is smooth."""
+        self.more = None
+        straight = self.at(points.off[1:] * points.lengths)
+        values, slopes = np.zeros((1, *self.value.shape)), np.zeros((1, *self.slopes.shape))
+        beyond = np.array([o.value for o in others]) - straight
+        turned = np.array([o.slopes for o in others]) - self.slopes
+        weights = points.weights(np.vstack([values, beyond]), np.concatenate([slopes, turned]))
+        self.more = points, weights
 
     def move(self, value: Array, off: Array) -> None:
         """Take the next anchor, and learn from it how the correction changes (Broyden 1965)."""

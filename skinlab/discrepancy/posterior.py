@@ -6,7 +6,6 @@ anchored at the fit.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -19,7 +18,9 @@ from skinlab.discrepancy.unknowns import Unknowns
 from skinlab.inference.error_choice import ErrorChoice
 from skinlab.inference.intervals import at_an_end, correlation, summary
 from skinlab.inference.marginal import IntegratedErrors
+from skinlab.inference.posterior import Draws
 from skinlab.inference.posterior import sample as follow_the_valley
+from skinlab.inference.settings import INTERVALS, POSTERIOR
 from skinlab.parameters import Space
 
 Array = NDArray[np.float64]
@@ -28,8 +29,10 @@ _DRAWS = 600  # a round
 # Valley points that promise to stay so much above the best after two steps are not followed to
 # their end: of 381 that ended within 30 none did. Half of the evaluations.
 _HOPELESS_CHI2 = 100.0
-_TRIES = 6
-_OFF = 1.0  # of a log density, which no interval sees
+# Rounds in which finite elements are asked at so many points, until no density there changes by so
+# much of the highest.
+_ROUNDS, _ASKED, _OFF = 6, 6, 0.1
+_TEMPER, _FAR = 0.5, 25.0  # of a log density: what seems unlikely may not be
 _GAUSSIAN_DRAWS = 2000
 
 
@@ -57,7 +60,7 @@ class Posterior:
             bounds = (low[name], high[name])
             middle, *ends = summary(
                 values, self.weight, self.log_density, bounds,
-                logarithmic=name in logarithmic, at_end=at_end,
+                logarithmic=name in logarithmic, at_end=at_end, inside=INTERVALS.level,
             )  # fmt: skip
             found[name] = {"value": middle, "low": ends[0], "high": ends[1]}
         return found
@@ -89,39 +92,67 @@ def sample(fitter: Fitter, fit: Fit, errors: ErrorChoice, rng: np.random.Generat
         return gaussian(fit)
     low, high = unknowns.bounds
     space = Space.box(unknowns.names, low.tolist(), high.tolist())
-    best = np.concatenate(model.predict(fit.u))
-    integrated = IntegratedErrors(fitter.measured - best, errors)
-
-    def log_density_of(model: MappedModel) -> Callable[[Array], Array]:
-        def log_density(u: Array) -> Array:
-            moved = np.hstack(model.predict_many(u)) - best
-            found = -0.5 * np.square(Misfit(fitter, model).priors(u)).sum(axis=1)
-            holds = np.isfinite(moved).all(axis=1)
-            if holds.any():
-                found[holds] += integrated(moved[holds])
-            return np.where(holds, found, -np.inf)
-
-        return log_density
-
-    for _ in range(_TRIES):
-        try:
-            draws = follow_the_valley(
-                space, Misfit(fitter, model), space.to_unit(fit.u)[None], rng,
-                log_density=log_density_of(model), draws=_DRAWS, hopeless_chi2=_HOPELESS_CHI2,
-            )  # fmt: skip
-        except ValueError:  # nothing can be drawn about this minimum
-            return gaussian(fit)
-        # By slopes at the fit a far skin may seem likely that is not: at ν 0.44, from a fit at 0,
-        # by 11 where it is 80 behind. So the likeliest is asked, and the model learns of it.
-        there = draws.parameters[int(np.argmax(draws.log_target))]
-        exact = model.exact()
-        if not (model.corrected and exact.anchor(there, slopes=False, memory=False)):
+    best, likeliest = np.concatenate(model.predict(fit.u)), fit.u
+    density = _LogDensity(fitter, model, best, errors)
+    draws: Draws | None = None
+    for left in range(_ROUNDS if model.bends else 0, -1, -1):
+        if draws is None or draws.effective < POSTERIOR.enough:
+            try:
+                draws = follow_the_valley(
+                    space, Misfit(fitter, model), space.to_unit(likeliest)[None], rng,
+                    log_density=density, draws=_DRAWS, hopeless_chi2=_HOPELESS_CHI2,
+                )  # fmt: skip
+            except ValueError:  # nothing can be drawn about this minimum
+                return gaussian(fit)
+        if not left:
             break
-        off = float(log_density_of(exact)(there[None])[0] - draws.log_target.max())
-        if abs(off) <= _OFF or not model.anchor(there, memory=False):
+        # By slopes at the fit a far skin may seem likely that is not, and a likely one impossible:
+        # by 134 of a log density. So the finite elements are asked where it matters most.
+        asked = _worth_asking(model, draws)
+        before = density(asked)
+        model.learn(asked)
+        density = _LogDensity(fitter, model, best, errors)
+        draws = draws.now(density(draws.parameters))
+        after = density(asked)
+        every, u = np.concatenate([draws.log_target, after]), np.vstack([draws.parameters, asked])
+        likeliest = u[np.argmax(every)]
+        off = np.abs(np.exp(after - every.max()) - np.exp(before - every.max()))
+        if off.max() <= _OFF and draws.effective >= POSTERIOR.least:
             break
-        model.anchor(fit.u, memory=False)
+    assert draws is not None
     return Posterior(unknowns, fit.u, draws.parameters, draws.weight, draws.log_target)
+
+
+class _LogDensity:
+    """The log density of unknowns (n, k): the errors' parameters are integrated out."""
+
+    def __init__(
+        self, fitter: Fitter, model: MappedModel, best_mm: Array, errors: ErrorChoice
+    ) -> None:
+        self._model, self._best_mm, self._misfit = model, best_mm, Misfit(fitter, model)
+        self._errors = IntegratedErrors(fitter.measured - best_mm, errors)
+
+    def __call__(self, u: Array) -> Array:
+        moved = np.hstack(self._model.predict_many(u)) - self._best_mm
+        found = -0.5 * np.square(self._misfit.priors(u)).sum(axis=1)
+        holds = np.isfinite(moved).all(axis=1)
+        if holds.any():
+            found[holds] += self._errors(moved[holds])
+        return np.where(holds, found, -np.inf)
+
+
+def _worth_asking(model: MappedModel, draws: Draws) -> Array:
+    """Return unknowns (p, k) where corrections are little known, for how likely they may be."""
+    behind = draws.log_target.max() - draws.log_target
+    some = np.flatnonzero(behind < _FAR)
+    points, off = model.points, model.from_anchor(draws.parameters[some])
+    found: list[int] = []
+    for _ in range(_ASKED):
+        with np.errstate(divide="ignore"):
+            worth = np.log(points.doubt(off).clip(0.0)) - _TEMPER * behind[some]
+        found.append(int(np.argmax(worth)))
+        points = points.also(off[found[-1:]])
+    return np.asarray(draws.parameters[some[found]])
 
 
 def gaussian(fit: Fit) -> Posterior:

@@ -25,6 +25,7 @@ from skinlab.curves.pressure_path import PressurePath
 from skinlab.discrepancy.corrections import (
     Course,
     Learnt,
+    Points,
     between,
     going_on,
     read_on,
@@ -70,6 +71,7 @@ _CORNER = 1e-2  # of the highest suction: a corner so small changes no correctio
 # Beyond a crease: the folded branch differs between meshes by little, and hardly in the dome.
 _FOLDED = replace(RELAXING, extrapolation_error=FITS.rough_steps, limits=FOLDED)
 _CURVED = 0.2  # in typical sizes, and of that at the anchor: below it is straight
+_LENGTH = 2.0  # of typical sizes: corrections are smooth over it
 _SHARE_STEP = 0.025  # of the law's reaches, typical sizes: for slopes of what relaxes
 
 
@@ -86,6 +88,9 @@ class MappedModel:
     _courses: dict[int, Course] = field(default_factory=dict)
     _offs: dict[Key, tuple[Array, Array]] = field(default_factory=dict)  # heights, of a coarse mesh
     _shares_sloped: bool = False
+    # Where they are known besides the anchor (k,), and what they are there, by the unknowns.
+    _known: list[tuple[Array, dict[Key, tuple[Array, Learnt]]]] = field(default_factory=list)
+    _points: Points | None = None
 
     def exact(self) -> MappedModel:
         """Return the model on the mesh of record, without an anchor.
@@ -177,7 +182,7 @@ class MappedModel:
         every = self._problems.at_many(u)
         some = [i for i, one in enumerate(every) if one is not None]
         candidates = [one for one in every if one is not None]
-        off = self._from_anchor(u)
+        off = self.from_anchor(u)
         domes = self._domes_of_all(candidates) if candidates else {}
         relaxations = {key: relaxation_of([c.problems[key] for c in candidates]) for key in domes}
         found = {i: np.full((len(u), len(self.records[i].curve)), np.nan) for i in set(self._twins)}
@@ -187,7 +192,7 @@ class MappedModel:
                 found[i][some] = recorded(self.records[i], candidates, w)
         return [found[i] for i in self._twins]
 
-    def _from_anchor(self, u: Array) -> Array:
+    def from_anchor(self, u: Array) -> Array:
         """Return how far unknowns (n, k) are from the anchor, zero where there is none.
 
         Along a layer's valley its thickness trades for its stiffness, which is a logarithm: what
@@ -203,6 +208,16 @@ class MappedModel:
                 low = np.maximum(share, _CURVED)
                 off[:, j] = at * (np.log(low) + (share - low) / _CURVED)
         return off
+
+    def _stretch(self, u: Array) -> Array:
+        """Return by how much (k,) `from_anchor` changes with unknowns (k,)."""
+        assert self._anchor is not None
+        found = np.ones(len(u))
+        for j in self._curved:
+            at = self._anchor[j]
+            if at > _CURVED:
+                found[j] = 1.0 / max(u[j] / at, _CURVED)
+        return found
 
     @cached_property
     def _curved(self) -> list[int]:
@@ -271,27 +286,83 @@ class MappedModel:
         here = self._problems.at(u)
         if here is None:
             return False
-        off = self._from_anchor(u[None])[0]
-        ratios: dict[Key, tuple[Array, Learnt]] = {}
-        solids = [key for key, problem in here.problems.items() if has_features(problem)]
-        for key, changes in self._changes(u, solids, slopes=slopes).items():
-            found = self._ratio(u, here, key, changes)
-            if found is None:
-                return False
-            ratios[key] = found
-        before, last = self._ratios, self._anchor
+        off = self.from_anchor(u[None])[0]
+        ratios = self._ratios_at(u, here, self._solids(u, here), slopes=slopes)
+        if ratios is None:
+            return False
+        last = self._anchor if slopes and self._ratios.keys() == ratios.keys() else None
+        self._known = [] if last is None else [(last, self._ratios)]
         self._ratios, self._anchor = ratios, u.copy()
-        if last is not None:
-            back = self._from_anchor(last[None])[0]
-            for key, (nodes, learnt) in ratios.items():
-                if key in before:
-                    then, known = before[key]
-                    learnt.bends(between(then, known.value[None], nodes[None])[0], back)
+        self._pass()
         if not memory or not self._anchor_courses(here, off):
             return not memory
         if slopes and self._courses and not self._shares_sloped and not self.coarse:
             self._slope_shares(u, here)
         return True
+
+    @property
+    def bends(self) -> bool:
+        """Whether there are corrections of which further points may tell more."""
+        return bool(self._ratios)
+
+    @property
+    def points(self) -> Points:
+        """Where the corrections are known."""
+        assert self._points is not None
+        return self._points
+
+    def learn(self, others: Array) -> None:
+        """Solve the finite elements at further points (p, k), where they hold.
+
+        Between these and the anchor the corrections are smooth; what relaxes is not asked.
+        """
+        for u in others:
+            here = self._problems.at(u)
+            found = None if here is None else self._ratios_at(u, here, list(self._ratios))
+            if found is not None:
+                self._known.append((u, found))
+        self._pass()
+
+    def _pass(self) -> None:
+        """Let the corrections pass through all that is known of them."""
+        lengths = _LENGTH * np.concatenate(
+            [self.unknowns.reaches, np.ones(len(self.unknowns.axes))]
+        )
+        self._points = Points.anchor(lengths)
+        if not self._known:
+            return
+        for u, _ in self._known:
+            self._points = self._points.also(self.from_anchor(u[None]))
+        for key, (nodes, learnt) in self._ratios.items():
+            others = []
+            for u, known in self._known:
+                then, own = known[key]
+                slopes = between(then, own.slopes.T, nodes[None]).T / self._stretch(u)
+                others.append(Learnt(between(then, own.value[None], nodes[None])[0], slopes))
+            learnt.passes(self._points, others)
+
+    def _solids(self, u: Array, here: Problems) -> list[Key]:
+        """Return what the table does not answer there, or where each effect is something.
+
+        Anchored where an effect is nothing the model would be the same for all of its sizes.
+        """
+        beside, effects = u.copy(), slice(self.unknowns.count, None)
+        up = u + _EFFECT_STEP <= self.unknowns.bounds[1]
+        beside[effects] += np.where(up, _EFFECT_STEP, -_EFFECT_STEP)[effects]
+        problems = [p.problems for p in (here, self._problems.at(beside)) if p is not None]
+        return [key for key in here.problems if any(has_features(p[key]) for p in problems)]
+
+    def _ratios_at(
+        self, u: Array, here: Problems, keys: Collection[Key], *, slopes: bool = True
+    ) -> dict[Key, tuple[Array, Learnt]] | None:
+        """Return what the finite elements correct of solids, None where they do not hold."""
+        found: dict[Key, tuple[Array, Learnt]] = {}
+        for key, changes in self._changes(u, keys, slopes=slopes).items():
+            one = self._ratio(u, here, key, changes)
+            if one is None:
+                return None
+            found[key] = one
+        return found
 
     def _slope_shares(self, u: Array, here: Problems) -> None:
         """Take how what relaxes changes with all but stiffnesses, of a coarse mesh.
@@ -329,7 +400,7 @@ class MappedModel:
         found = []
         for j, step in steps.items():
             moved = _moved(u, j, step)
-            there, off = self._problems.at(moved), self._from_anchor(moved[None])
+            there, off = self._problems.at(moved), self.from_anchor(moved[None])
             other = None if there is None else self._course(i, there, off)
             if base is None or other is None:
                 return None

@@ -20,14 +20,15 @@ def summary(
     *,
     logarithmic: bool = False,
     at_end: NDArray[np.bool_] | None = None,
+    inside: float = INTERVALS.weight,
 ) -> tuple[float, float, float]:
     """Return the median of weighted values (n,), and the shortest interval that may be said of it.
 
     In logarithms where the prior is flat in these. It contains all that is likely (by `log_density`
     (n,)), however little weight that has: a valley's narrow end has next to none, and true values
     are there. Of the ends of the ranges, the value's own `bounds` and those of other unknowns
-    (draws `at_end`, (n,)), more counts as likely. For that 88 % of the weight are enough to hold 90
-    % of true values (docs/decisions/0143-what-is-likely-is-inside.md).
+    (draws `at_end`, (n,)), more counts as likely. So 88 % of the weight `inside` suffice to hold
+    90 % of true values over the prior (docs/decisions/0143-what-is-likely-is-inside.md).
     """
     scale, back = (np.log, np.exp) if logarithmic else (np.asarray, np.asarray)
     z = scale(values)
@@ -45,17 +46,18 @@ def summary(
         ends = scale(np.array(bounds))
         near = INTERVALS.at_end * float(ends[1] - ends[0])
         likely.append(ends[[(at_an_end & (np.abs(z - end) <= near)).any() for end in ends]])
-    inside = np.concatenate(likely)
-    low, high = float(inside.min()), float(inside.max())
-    found = back(np.array(_shortest(*_with_share(low, high, z[by_value], share))))
+    every = np.concatenate(likely)
+    low, high = float(every.min()), float(every.max())
+    found = back(np.array(_shortest(*_with_share(low, high, z[by_value], share, inside))))
     if np.isfinite(bounds).all():  # a logarithm there and back may be off by the last digit
         found = np.clip(found, *bounds)
     return float(back(middle)), float(found[0]), float(found[1])
 
 
-def _with_share(low: float, high: float, values: Array, share: Array) -> tuple[Array, Array]:
-    """Return the ends of intervals about low to high that have enough of sorted values (n,)."""
-    level = INTERVALS.weight
+def _with_share(
+    low: float, high: float, values: Array, share: Array, level: float
+) -> tuple[Array, Array]:
+    """Return the ends of intervals about low to high that have so much of sorted values (n,)."""
     first = min(float(np.interp(low, values, share)), 1.0 - level) * _STARTS
     lows = np.minimum(np.interp(first, share, values), low)
     return lows, np.maximum(np.interp(first + level, share, values), high)
