@@ -101,9 +101,9 @@ def check_limits(program: Program, hello: Hello) -> None:
             f"program {program}: up to {program.max_pressure_mbar:g} mbar; this instrument goes "
             f"to {hello.max_pressure_mbar:g} mbar"
         )
-    if program.unpaused_suction_s > hello.max_suction_s:
+    if program.longest_suction_s > hello.max_suction_s:
         raise InputError(
-            f"program {program}: {program.unpaused_suction_s:g} s of suction without a pause; this "
+            f"program {program}: {program.longest_suction_s:g} s of suction without a pause; this "
             f"instrument holds at most {hello.max_suction_s:g} s"
         )
 
