@@ -19,6 +19,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from drivers.numbers import number_in
 from skinlab.errors import InputError
 from skinlab.text import did_you_mean
 
@@ -379,7 +380,7 @@ def _numbers(arguments: str, form: str) -> list[float] | None:
     if not required:
         return None if arguments else []
     try:
-        numbers = [float(x) for x in re.split(r"[,@]", arguments)]
+        numbers = [number_in(x) for x in re.split(r"[,@]", arguments)]
     except ValueError:
         return None
     return numbers if all(math.isfinite(x) for x in numbers) else None

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from drivers.numbers import number_in
 from skinlab.curves.curve import Curve
 from skinlab.curves.pressure_path import PressurePath
 from skinlab.curves.program import MOST_PRESSURE_MBAR
@@ -166,7 +167,7 @@ def _start(time_s: Array, answers: Answers) -> float:
 
 def _time_s(stated: str) -> float:
     try:
-        start = float(stated)
+        start = number_in(stated)
     except ValueError:
         start = float("nan")
     if not np.isfinite(start):
