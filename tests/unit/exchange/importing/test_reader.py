@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
+from datetime import datetime, timedelta
 from pathlib import Path
 
 import numpy as np
@@ -440,8 +441,8 @@ def damaged(row, replacement):
         (damaged(50, "2.45;50;0.15"), "line 52: time 2.45 s does not increase"),
         ("t (s);p (mbar);w (mm)\n" + rows(n=4), "4 samples; expected at least 5"),
         ("t (s);w (mm)\n" + rows(pick=(0, 2)), "or give the pressure program with --program"),
-        ("t;p (mbar);w (mm)\n" + "0:01;1;1\n" * 9, "line 1: no column of the time"),
-        ("time;p (mbar);w (mm)\n" + "0:01;1;1\n" * 9, "line 2: the time (column 'time') is no"),
+        ("t;p (mbar);w (mm)\n" + "soon;1;1\n" * 9, "line 1: no column of the time"),
+        ("time;p (mbar);w (mm)\n" + "soon;1;1\n" * 9, "line 2: the time (column 'time') is no"),
         ("p (mbar);w (mm)\n" + rows(pick=(1, 2)), "line 1: no column of the time"),
         ("t (s);p (bar);w (mm)\n" + rows(), "line 3: a pressure of 1000 mbar; expected a suction"),
         ("t (s);p (mbar);w (cm)\n" + rows(scale=(1, 1, 9)), "expected less (is its unit right?)"),
@@ -524,3 +525,75 @@ def test_a_glitch_of_the_deflection_turns_no_dome_and_is_no_other_unit(glitch_mm
     curve = read("t (s);p (mbar);w (mm)\n" + "".join(lines)).curve
     assert curve.deflection_mm[20] == glitch_mm
     assert curve.deflection_mm[-1] == pytest.approx(0.3)
+
+
+# ---- times of a clock ----------------------------------------------------------------------------
+
+
+def clock(seconds, *, hours=True, decimal="."):
+    """Return hh:mm:ss.fff or mm:ss.fff; hours and minutes begin again."""
+    ms = round(1000 * seconds)
+    minutes, rest = divmod(ms // 1000, 60)
+    hour = f"{minutes // 60 % 24:02d}:" if hours else ""
+    return f"{hour}{minutes % 60:02d}:{rest:02d}{decimal}{ms % 1000:03d}"
+
+
+def clocked(texts, head="Time;p (mbar);w (mm)"):
+    lines = (f"{text};{i};{0.003 * i:.4f}\n" for i, text in enumerate(texts))
+    return f"{head}\n{''.join(lines)}"
+
+
+@pytest.mark.parametrize(
+    "begin_s", [0.0, 37_233.05, 86_398.0], ids=["elapsed", "of the day", "past midnight"]
+)
+@pytest.mark.parametrize(("hours", "decimal"), [(True, "."), (True, ","), (False, ".")])
+def test_a_clock_tells_the_time(begin_s, hours, decimal):
+    texts = [clock(begin_s + 0.05 * i, hours=hours, decimal=decimal) for i in range(101)]
+    imported = read(clocked(texts))
+    np.testing.assert_allclose(
+        imported.curve.time_s, begin_s % (86_400 if hours else 3600) + 0.05 * np.arange(101)
+    )
+    assert "time: column 'Time' in hh:mm:ss" in imported.understood
+    assert read(clocked(texts, "t;p (mbar);w (mm)")).curve.time_s.tolist() == (
+        imported.curve.time_s.tolist()
+    )
+
+
+def test_a_clock_is_enough_beside_one_channel():
+    texts = [clock(0.05 * i) for i in range(101)]
+    lines = "".join(f"{text};{0.003 * i:.4f}\n" for i, text in enumerate(texts))
+    check_ramp(read("time;deflection (mm)\n" + lines, RAMP))
+
+
+def test_seconds_are_taken_before_a_clock():
+    data = "Time;Elapsed time (s);p (mbar);w (mm)\n"
+    data += "".join(f"10:20:33;{row}\n" for row in rows().splitlines())
+    check_ramp(read(data))
+    assert "does not increase" in refusal(data, time_column="1")
+
+
+@pytest.mark.parametrize(
+    ("texts", "says"),
+    [
+        (["10:20", "10:21"] * 5, "line 2: the time '10:20' may be hours and minutes, or minutes"),
+        (["10:59:59", "11:00"] * 5, "line 3: the time '11:00' may be hours and minutes"),
+        (["10:59:59", "11:00:61"] * 5, "line 3: the time is '11:00:61'; expected hh:mm:ss, or"),
+        (["10:59:59", "10:59:58"] * 5, "line 3: time 39598 s does not increase"),
+        ([f"{h}:00:00" for h in (1, 23, 0, 23, 0, 1)], "does not increase"),
+        (["10:20:33 AM", "10:20:34 AM"] * 5, "is not a number in most rows; expected numbers, or"),
+    ],
+)
+def test_a_clock_that_may_be_read_in_two_ways_is_refused(texts, says):
+    assert says in refusal(clocked(texts))
+
+
+def test_a_workbook_may_have_times_of_the_day():
+    book = openpyxl.Workbook()
+    book.active.append(["Time", "p (mbar)", "w (mm)"])
+    for i in range(101):
+        at = datetime(2026, 3, 1, 10) + timedelta(milliseconds=50 * i)
+        book.active.append([at.time(), float(i), 0.003 * i])
+    stream = io.BytesIO()
+    book.save(stream)
+    time_s = read(stream.getvalue()).curve.time_s
+    np.testing.assert_allclose(time_s, 36_000 + 0.05 * np.arange(101), atol=1e-3)
