@@ -14,6 +14,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from skinlab.curves.curve import Setup
+from skinlab.curves.pressure_glitches import pressure_glitches
 from skinlab.curves.program import parse_program
 from skinlab.errors import InputError
 from skinlab.exchange.importing.questions import Answers, Question
@@ -525,6 +526,44 @@ def test_a_glitch_of_the_deflection_turns_no_dome_and_is_no_other_unit(glitch_mm
     curve = read("t (s);p (mbar);w (mm)\n" + "".join(lines)).curve
     assert curve.deflection_mm[20] == glitch_mm
     assert curve.deflection_mm[-1] == pytest.approx(0.3)
+
+
+def off(at, mbar, sign=1):
+    """Return a file of a ramp to 100 mbar, some of whose readings are `mbar`."""
+    pressures = [mbar if i in at else sign * i for i in range(101)]
+    lines = (f"{0.05 * i:.2f};{p};{0.003 * i:.4f}\n" for i, p in enumerate(pressures))
+    return "t (s);p (mbar);w (mm)\n" + "".join(lines)
+
+
+@pytest.mark.parametrize("mbar", [700, 5000, -5000])
+@pytest.mark.parametrize("sign", [1, -1])
+@pytest.mark.parametrize("at", [(20,), (20, 70), (40, 41)])
+def test_a_glitch_of_the_pressure_is_told_and_is_no_other_unit(at, sign, mbar):
+    """One reading of hundreds had refused the file."""
+    imported = read(off(at, mbar, sign))
+    told = [note for note in imported.understood if "a glitch, which no fit uses" in note]
+    assert [note.partition(":")[0] for note in told] == [f"line {i + 2}" for i in at]
+    curve = imported.curve
+    assert curve.pressure_mbar[-1] == 100
+    assert curve.pressure_mbar[at[0]] == sign * mbar
+    assert set(curve.phase) == {"load"}
+    assert np.flatnonzero(pressure_glitches(curve, 0.0)).tolist() == list(at)
+    with_program = read(off(at, mbar, sign), RAMP).curve
+    assert np.flatnonzero(pressure_glitches(with_program, 0.0)).tolist() == list(at)
+
+
+@pytest.mark.parametrize(
+    "at", [range(40, 45), range(98, 101), range(5, 95, 9)], ids=["a row", "the top", "many"]
+)
+def test_a_pressure_that_was_too_high_for_long_is_refused(at):
+    assert f"line {at[0] + 2}: a pressure of 700 mbar; expected" in refusal(off(at, 700))
+
+
+def test_a_peak_that_a_ramp_goes_to_is_no_glitch():
+    peak = enumerate((*range(0, 651, 50), *range(600, -1, -50)))
+    lines = (f"{0.1 * i:.1f};{p};{0.001 * p:.4f}\n" for i, p in peak)
+    said = refusal("t (s);p (mbar);w (mm)\n" + "".join(lines))
+    assert said.startswith("line 15: a pressure of 650 mbar; expected a suction")
 
 
 # ---- times of a clock ----------------------------------------------------------------------------
