@@ -28,6 +28,7 @@ from drivers.events import (
     Start,
     Vent,
 )
+from drivers.numbers import number_in
 from drivers.reading import read_whole
 
 IGNORED = "a line to be ignored"
@@ -155,7 +156,7 @@ class LineDialect:
         if text is None:
             raise RemoteProtocolError(f"there is no {name}")
         try:
-            number = float(text.strip().replace(self._grammar.decimal, ".").replace("_", "x"))
+            number = number_in(text.strip().replace(self._grammar.decimal, "."))
         except ValueError:
             raise RemoteProtocolError(f"{name} {text[:40]!r} is not a number") from None
         number = number * column.scale + column.offset

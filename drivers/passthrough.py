@@ -11,6 +11,7 @@ from drivers.capture import Chunk, Side
 from drivers.errors import LinkError
 from drivers.link import Link, open_link
 from drivers.near_end import Pty, Tcp
+from drivers.numbers import whole_in
 
 _READ_BYTES = 4096
 _READ_S = 0.01
@@ -56,7 +57,7 @@ def open_software_side(where: str, framing: str = "8N1") -> tuple[str, Link]:
             pty = Pty()
             return pty.url, pty
         if where == "tcp" or where.startswith("tcp:"):
-            tcp = Tcp(int(where.partition(":")[2] or "0"))
+            tcp = Tcp(whole_in(where.partition(":")[2] or "0"))
             return tcp.url, tcp
     except (OSError, ValueError) as error:
         raise LinkError(f"cannot open {where} for the software: {error}") from None

@@ -12,6 +12,7 @@ from urllib.parse import parse_qsl, urlsplit
 
 from serial import PortNotOpenError, SerialBase, SerialException
 
+from drivers.numbers import number_in
 from sim_device.build import build_device
 from sim_device.device import Device
 from sim_device.timing import TIMING
@@ -156,6 +157,6 @@ def _device(url: str) -> tuple[Device, float]:
 
 def _number(query: dict[str, str], key: str, default: float) -> float:
     try:
-        return float(query.get(key, default))
+        return number_in(query[key]) if key in query else default
     except ValueError:
         raise ValueError(f"{key} must be a number, not {query[key]!r}") from None

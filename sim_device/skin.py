@@ -325,7 +325,7 @@ def load_of(program: str, rate_hz: float) -> Load:
         tuple(_segment(s) for s in asked.segments),
         rate_hz,
         asked.max_pressure_mbar,
-        asked.unpaused_suction_s,
+        asked.longest_suction_s,
     )
 
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from urllib.parse import parse_qsl, urlencode
 
 from drivers.events import Hello
+from drivers.numbers import number_in
 from skinlab.acquisition.measurement_messages import Plan
 from skinlab.curves.apertures import check_aperture
 from skinlab.curves.curve import Setup, check_thickness
@@ -101,9 +102,9 @@ def check_limits(program: Program, hello: Hello) -> None:
             f"program {program}: up to {program.max_pressure_mbar:g} mbar; this instrument goes "
             f"to {hello.max_pressure_mbar:g} mbar"
         )
-    if program.unpaused_suction_s > hello.max_suction_s:
+    if program.longest_suction_s > hello.max_suction_s:
         raise InputError(
-            f"program {program}: {program.unpaused_suction_s:g} s of suction without a pause; this "
+            f"program {program}: {program.longest_suction_s:g} s of suction without a pause; this "
             f"instrument holds at most {hello.max_suction_s:g} s"
         )
 
@@ -146,7 +147,7 @@ def _program(text: str) -> Program:
 
 def _number(field: str, text: str) -> float:
     try:
-        number = float(text.replace(",", "."))  # a decimal comma is what many keyboards offer
+        number = number_in(text.replace(",", "."))  # a decimal comma is what many keyboards offer
     except ValueError:
         number = math.nan
     if not math.isfinite(number):

@@ -12,6 +12,7 @@ from typing import Literal
 
 import msgspec
 
+from drivers.numbers import number_in
 from drivers.reading import read_whole
 from skinlab.acquisition.measurement_request import MOST_REPEATS, MOST_REST_S
 from skinlab.curves.apertures import check_aperture
@@ -221,7 +222,7 @@ def condition_complaint(name: str, text: str) -> str | None:
 
 def _number(text: str) -> float:
     try:
-        return float(text.replace(",", "."))
+        return number_in(text.replace(",", "."))
     except ValueError:
         return math.nan
 

@@ -10,6 +10,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, Literal
 
+from drivers.numbers import number_in
 from skinlab.api.arguments import checked
 from skinlab.api.explaining import base_model, hashes_of, outcome_of
 from skinlab.api.identifiers import compose_identifier, find_table
@@ -501,7 +502,7 @@ def _program(program: str | Program | None) -> Program | None:
 
 def _number(name: str, value: Any) -> float:
     try:
-        number = float(value)
+        number = number_in(value) if isinstance(value, str) else float(value)
     except (TypeError, ValueError):
         number = math.nan
     if not math.isfinite(number):

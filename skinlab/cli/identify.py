@@ -24,9 +24,10 @@ from skinlab.cli.options import (
     workers_option,
 )
 from skinlab.cli.output import echo, echo_text, print_json, tell_left_behind
+from skinlab.cli.start import INTERRUPTED
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterator, Sequence
 
     from skinlab.curves.curve import Curve
     from skinlab.inference.identify import Identifier
@@ -80,6 +81,7 @@ def command(
     parameters are identified too, as far as they are axes of it.
     A session that was measured with a probe file is read with it, and with the noise that was
     stated when it was measured; by the law alone, though, unless --model names its model.
+    Ctrl-C prints what is done by then.
     With --prior what a study knows of such people narrows the intervals; a skin that is unlike them
     keeps its own, and gets the flag unlike_cohort.
 
@@ -93,6 +95,7 @@ def command(
     from skinlab.inference.result import Identification, document, not_trustworthy
     from skinlab.recording.load_inputs import Input, import_advice, read_input
     from skinlab.report.text import describe, describe_advice
+    from skinlab.text import counted
 
     if advise and options["method"] != "auto":
         raise click.UsageError("--advise needs the intervals that only --method auto gives")
@@ -141,18 +144,24 @@ def command(
     if joint:
         _check_together(read)
     results: list[Identification] = []
-    for one in taken:
-        results += _each(identifier, one, workers) if isinstance(one, Input) else [one]
-    together, knowing = None, identifier
-    if joint and read:
-        curves = _first_cycles(identifier, read)
-        knowing = _knowing_all(identifier, read, placement_scatter)
-        together = knowing.joint(curves)
-    elif read:
-        knowing = _with_scatter(identifier, read[0].placement_scatter)
-    advice = None
-    if advise and (source := together or next((r for r in results if r.uncertainty), None)):
-        advice = knowing.advise(source, _thickness_mm(source, read))
+    together, advice, stopped = None, None, False
+    try:
+        for one in taken:
+            for result in _each(identifier, one, workers) if isinstance(one, Input) else [one]:
+                results.append(result)  # so that what is done stays where it is interrupted
+        knowing = identifier
+        if joint and read:
+            curves = _first_cycles(identifier, read)
+            knowing = _knowing_all(identifier, read, placement_scatter)
+            together = knowing.joint(curves)
+        elif read:
+            knowing = _with_scatter(identifier, read[0].placement_scatter)
+        if advise and (source := together or next((r for r in results if r.uncertainty), None)):
+            advice = knowing.advise(source, _thickness_mm(source, read))
+    except KeyboardInterrupt:
+        if not results:
+            raise
+        stopped = True
     known = identifier.of_probe([curve for given in read for curve in given.curves])
     whole = document(known.provenance(), results, joint=together, advice=advice)
     refused = []
@@ -180,6 +189,10 @@ def command(
         echo(f"skinlab: {result.error}", err=True)
     for sentence in dict.fromkeys(refused):
         echo(f"skinlab: {reference_path}: {sentence}", err=True)
+    if stopped:
+        count = sum(len(one.curves) if isinstance(one, Input) else 1 for one in taken)
+        echo(f"skinlab: stopped after {len(results)} of {counted(count, 'curve')}", err=True)
+        return INTERRUPTED
     if refused or any("outside_database" not in r.flags for r in failed):
         return 3
     if failed:
@@ -222,7 +235,7 @@ def _beside(
     return {one.quantity: one.to_json() for one in found}, lines
 
 
-def _each(identifier: Identifier, given: Input, workers: int) -> list[Any]:
+def _each(identifier: Identifier, given: Input, workers: int) -> Iterator[Identification]:
     from skinlab.inference.batch import identify_all, with_stated_noise
 
     knowing = with_stated_noise(identifier, given.noise_um, given.pressure_noise_mbar)

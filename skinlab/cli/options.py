@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import click
 from click.core import ParameterSource
 
+from drivers.numbers import number_in
 from skinlab.cli.method_options import parsed
 from skinlab.cli.output import output_kept
 
@@ -332,7 +333,7 @@ def _read_scatter(
     if text in (None, "auto"):
         return text
     try:
-        value = float(text)
+        value = number_in(text)
     except ValueError:
         value = -1.0
     if not 0.0 <= value < 1.0:

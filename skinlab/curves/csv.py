@@ -15,6 +15,7 @@ from typing import TextIO
 import numpy as np
 from numpy.typing import NDArray
 
+from drivers.numbers import number_in
 from drivers.reading import read_whole
 from skinlab.curves.curve import Curve, Setup
 from skinlab.curves.settings import SAMPLES
@@ -125,7 +126,7 @@ def _rows(path: Path, text: str) -> tuple[list[tuple[float, ...]], list[str]]:
 
 def _number(path: Path, line: int, name: str, text: str) -> float:
     try:
-        value = float(text)
+        value = number_in(text)
     except ValueError:
         hint = _COMMA if "," in text else ""
         raise InputError(

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skinlab.curves.apertures import check_aperture
+from skinlab.curves.lone_readings import lone_readings, white_noise
 from skinlab.curves.program import Phase, Program
 from skinlab.curves.settings import SAMPLES
 from skinlab.errors import InputError
@@ -22,16 +23,6 @@ Array = NDArray[np.float64]
 
 
 _NO_NUMBERS = {"m": "durations", "M": "dates", "c": "complex numbers", "b": "truth values"}
-
-
-def white_noise(values: Array) -> float:
-    """Return the standard deviation of one reading of a smooth course (n,), in its unit.
-
-    By the median of second differences, so that corners do not count; 0 below three readings.
-    """
-    if len(values) < 3:
-        return 0.0
-    return float(np.median(np.abs(np.diff(values, n=2))) / (0.6745 * np.sqrt(6.0)))
 
 
 def check_thickness(thickness_mm: float) -> float:
@@ -240,14 +231,17 @@ def phases_from_pressure(pressure_mbar: Array) -> NDArray[np.str_]:
     The channel is cut into visits to the top (within 3 % of the highest pressure, or 4 standard
     deviations of its noise), visits to zero, and ways between them. A visit to the top is a hold
     where it lasts longer than passing through that band would; else it is split at its peak.
+    Readings that stand alone do not count.
     """
     p = np.asarray(pressure_mbar, dtype=float)
     n = len(p)
     phase = np.full(n, "load", dtype="U6")
+    noise, at = white_noise(p), np.arange(n, dtype=float)
+    lone = lone_readings(at, p, noise)
+    p = np.interp(at, at[~lone], p[~lone]) if lone.any() else p
     top = float(p.max(initial=0.0))
     if n < SAMPLES.fewest or top <= 0:
         return phase
-    noise = white_noise(p)
     band = min(max(0.03 * top, 4.0 * noise), 0.25 * top)
     level = np.where(p >= top - band, 2, np.where(p <= band, 0, 1))
     edges = np.flatnonzero(np.diff(level)) + 1

@@ -16,7 +16,8 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from skinlab.curves.curve import Curve, white_noise
+from skinlab.curves.curve import Curve
+from skinlab.curves.lone_readings import white_noise
 from skinlab.curves.settings import STEP
 from skinlab.errors import InputError
 

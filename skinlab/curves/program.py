@@ -19,6 +19,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from drivers.numbers import number_in
 from skinlab.errors import InputError
 from skinlab.text import did_you_mean
 
@@ -98,7 +99,8 @@ class Program:
 
     Raises:
         InputError: empty, a pressure beyond 0–500 mbar, a rate or duration that is not positive,
-            or more than 60 s of suction without a pause.
+            or more than 60 s of suction before it goes back to zero. What a probe may be asked for
+            is less: `check_measurable`.
     """
 
     segments: tuple[Segment, ...]
@@ -109,7 +111,7 @@ class Program:
             raise InputError("program is empty; expected for example ramp:100@20")
         for segment in self.segments:
             _check(segment)
-        if self.longest_suction_s > MOST_SUCTION_S:
+        if self._pulled_s() > MOST_SUCTION_S:
             raise InputError(
                 f"program {self}: {self.longest_suction_s:g} s of suction without a pause; "
                 f"expected at most {MOST_SUCTION_S:g} s"
@@ -141,9 +143,8 @@ class Program:
         """Highest pressure asked for."""
         return max(self._ends())
 
-    @property
-    def longest_suction_s(self) -> float:
-        """Longest time under suction without a pause."""
+    def _pulled_s(self) -> float:
+        """Longest time from zero to the way back to it, which a curve may take its time for."""
         longest = suction_s = 0.0
         for segment, phase, start, end in zip(
             self.segments, self.phases, self._starts(), self._ends(), strict=True
@@ -156,8 +157,8 @@ class Program:
         return longest
 
     @property
-    def unpaused_suction_s(self) -> float:
-        """Longest time that a driver counts as suction: a moment at zero is no pause for it."""
+    def longest_suction_s(self) -> float:
+        """Longest time under suction without a pause; a moment at zero is none for a driver."""
         longest = suction_s = lowest = 0.0
         for segment, start, end in zip(self.segments, self._starts(), self._ends(), strict=True):
             duration_s = _duration(segment, start)
@@ -327,9 +328,9 @@ def check_measurable(program: Program) -> Program:
             raise InputError(
                 f"segment {segment}: expected a rate of at least {SLOWEST_MBAR_PER_S:g} mbar/s"
             )
-    if program.unpaused_suction_s > MOST_SUCTION_S + 1e-6:
+    if program.longest_suction_s > MOST_SUCTION_S + 1e-6:
         raise InputError(
-            f"program {program}: {program.unpaused_suction_s:g} s of suction without a pause (a "
+            f"program {program}: {program.longest_suction_s:g} s of suction without a pause (a "
             f"release, or a rest of {_least_pause_s():g} s); expected at most {MOST_SUCTION_S:g} s"
         )
     return program
@@ -379,7 +380,7 @@ def _numbers(arguments: str, form: str) -> list[float] | None:
     if not required:
         return None if arguments else []
     try:
-        numbers = [float(x) for x in re.split(r"[,@]", arguments)]
+        numbers = [number_in(x) for x in re.split(r"[,@]", arguments)]
     except ValueError:
         return None
     return numbers if all(math.isfinite(x) for x in numbers) else None

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from itertools import pairwise
 
@@ -81,14 +81,15 @@ def _rough_variance_mm2(first: Curve, second: Curve) -> tuple[float, int] | None
 
 def identify_all(
     identifier: Identifier, curves: Sequence[Curve], workers: int = 1
-) -> list[Identification]:
-    """Return the answers in the order of the curves, the same bits for any number of workers."""
+) -> Iterator[Identification]:
+    """Yield the answers in the order of the curves, the same bits for any number of workers."""
     if min(workers, len(curves)) <= 1:
-        return [identifier(curve) for curve in curves]
+        yield from map(identifier, curves)
+        return
     from skinlab.workers import Pool  # slow to import
 
     with Pool(min(workers, len(curves)), identifier) as pool:
-        return list(pool.map(_identify, curves))
+        yield from pool.map(_identify, curves)
 
 
 def _identify(identifier: Identifier, curve: Curve) -> Identification:

@@ -161,10 +161,9 @@ def choose(
     check_height(curve)
     check_outward(curve)
     asked = curve.in_phases(phases)
-    mask = asked & database.covers(curve)
     noise_mbar = pressure_noise_mbar(curve.time_s, curve.pressure_mbar)
-    glitches = mask & pressure_glitches(curve, noise_mbar)
-    mask &= ~glitches
+    glitches = asked & pressure_glitches(curve, noise_mbar)
+    mask = asked & ~glitches & database.covers(curve)
     if int(mask.sum()) < SAMPLES.fewest:
         raise InputError(
             f"{curve.name}: {counted(int(mask.sum()), 'sample')} to fit "

@@ -31,7 +31,12 @@ class ByteTap:
                 self._journal.raw(direction, host_time_s, data)
 
     def into(self, journal: Journal) -> None:
-        """Give all there was, and all that comes, to this journal."""
+        """Give all there was, and all that comes, to this journal.
+
+        Raises:
+            InputError: it could not be written before, and still cannot.
+        """
+        journal.try_again()  # first: nothing may wait for the disk with the lock
         with self._lock:
             for kept in self._kept:
                 journal.raw(*kept)

@@ -16,6 +16,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable
+from concurrent.futures import Future, wait
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -92,10 +93,11 @@ class Journal:
         except (OSError, sqlite3.Error) as error:
             _remove(path)
             raise InputError(f"{path}: cannot be written ({error})") from None
-        self._records: queue.SimpleQueue[Record | threading.Event | None] = queue.SimpleQueue()
-        self._unwritten: list[Record] = []  # of a commit that failed
+        self._records: queue.SimpleQueue[Record | Future[None] | None] = queue.SimpleQueue()
+        self._unwritten: list[Record] = []  # of commits that failed
         self._chain = audit.Chain()
-        self._error: Exception | None = None
+        self._error: sqlite3.Error | None = None  # of the last commit; the next one may do better
+        self._lost: OSError | None = None  # what the disk did with commits is not known any more
         self._closing = threading.Event()
         self._writer = threading.Thread(target=self._write, name="journal", daemon=True)
         self._syncer = threading.Thread(target=self._sync, name="journal sync", daemon=True)
@@ -104,8 +106,15 @@ class Journal:
 
     @property
     def trouble(self) -> str | None:
-        """Why nothing more can be written, or None."""
-        return None if self._error is None else f"{self.path}: cannot be written ({self._error})"
+        """Why nothing can be written at present, or None."""
+        if self._lost is not None:
+            return f"{self.path}: cannot be written ({self._lost})"
+        if self._error is not None:
+            return (
+                f"{self.path}: cannot be written ({self._error}); make room: the next record tries "
+                "again"
+            )
+        return None
 
     # ---- from any thread ------------------------------------------------------------------------
 
@@ -113,10 +122,9 @@ class Journal:
         """Refuse a run that the disk has no room for, before it begins.
 
         Raises:
-            InputError: too little space is free, or an earlier record could not be written.
+            InputError: too little space is free, or an earlier record still cannot be written.
         """
-        if self.trouble is not None:
-            raise InputError(self.trouble)
+        self.try_again()
         free, need = shutil.disk_usage(self.path.parent).free, room_bytes(duration_s, rate_hz)
         if free < need:
             raise InputError(
@@ -132,18 +140,23 @@ class Journal:
         `utc_s` is for bytes that came before there was a journal; None: now.
 
         Raises:
-            InputError: an earlier record could not be written (disk full): the probe vents.
+            InputError: an earlier record could not be written (disk full): the probe vents. This
+                one is kept, and written with it.
         """
-        self.put(_KINDS[direction], host_time_s, data, utc_s)
+        self.put(_KINDS[direction], host_time_s, data, utc_s, keep=True)
 
     def plan(self, host_time_s: float, setup: dict[str, Any]) -> None:
         """Record what the next run belongs to."""
         self.put(Kind.PLAN, host_time_s, json.dumps(setup).encode())
 
     def result(self, host_time_s: float, curve: int, result: dict[str, Any]) -> None:
-        """Record the identification of curve number `curve`."""
+        """Record the identification of curve number `curve`.
+
+        Raises:
+            InputError: as `raw`; it is kept.
+        """
         data = json.dumps({"curve": curve, "result": result}).encode()
-        self.put(Kind.RESULT, host_time_s, data)
+        self.put(Kind.RESULT, host_time_s, data, keep=True)
 
     def audit(self, host_time_s: float, who: str, what: str, **detail: Any) -> None:
         """Record who did what; the entry is bound to all that was recorded before it."""
@@ -152,26 +165,51 @@ class Journal:
         self.put(entry.kind, host_time_s, entry.data, utc_s)
 
     def flush(self) -> None:
-        """Return once all that was recorded so far is committed.
+        """Return once all that was recorded so far is committed; what failed is tried again.
 
         Raises:
             InputError: it cannot be written.
         """
-        done = threading.Event()
+        done: Future[None] = Future()
         self._records.put(done)
-        while not done.wait(_COMMIT_S):
-            if self.trouble is not None:
-                raise InputError(self.trouble)
-
-    def put(self, kind: Kind, host_time_s: float, data: bytes, utc_s: float | None = None) -> None:
-        """Write a record as it is; utc_s: None: now.
-
-        Raises:
-            InputError: one before it could not be written.
-        """
+        wait([done])
         if self.trouble is not None:
             raise InputError(self.trouble)
-        self._records.put(Record(kind, host_time_s, self._now() if utc_s is None else utc_s, data))
+
+    def try_again(self) -> None:
+        """Write what could not be written, where there is any.
+
+        Raises:
+            InputError: it still cannot.
+        """
+        if self.trouble is not None:
+            self.flush()
+
+    def put(
+        self,
+        kind: Kind,
+        host_time_s: float,
+        data: bytes,
+        utc_s: float | None = None,
+        *,
+        keep: bool = False,
+    ) -> None:
+        """Write a record as it is; utc_s: None: now.
+
+        Never waits for the disk: a probe may be about to vent. What failed is tried again for the
+        next one.
+
+        Raises:
+            InputError: one before it could not be written; with `keep` this one waits with it.
+        """
+        trouble = self.trouble
+        if trouble is None or keep:
+            utc_s = self._now() if utc_s is None else utc_s
+            self._records.put(Record(kind, host_time_s, utc_s, data))
+        else:
+            self._records.put(Future())  # to try again
+        if trouble is not None:
+            raise InputError(trouble)
 
     # ---- the threads ----------------------------------------------------------------------------
 
@@ -179,24 +217,33 @@ class Journal:
         ended = False
         while not ended:
             batch, waiting, ended = self._collect()
+            self._unwritten += batch
             try:
-                self._commit(batch)
+                self._commit(self._unwritten + self._told())
             except sqlite3.Error as error:
                 self._error = error
-                self._unwritten = batch
-                return
+            else:
+                self._error, self._unwritten = None, []
             for done in waiting:
-                done.set()
+                done.set_result(None)
 
-    def _collect(self) -> tuple[list[Record], list[threading.Event], bool]:
+    def _told(self) -> list[Record]:
+        """Return the entry that says that writing failed before, if it did."""
+        if self._error is None or not self._unwritten:
+            return []
+        at_s, detail = self._unwritten[-1].host_time_s, {"error": str(self._error)}
+        what = "journal written again"
+        return [audit.note(at_s, self._now(), audit.operator(), what, detail)]
+
+    def _collect(self) -> tuple[list[Record], list[Future[None]], bool]:
         """Return what comes within the time of a commit, who waits for it, and whether all came."""
         batch: list[Record] = []
-        waiting: list[threading.Event] = []
+        waiting: list[Future[None]] = []
         record = self._records.get()
         if not self._closing.is_set():
             time.sleep(_COMMIT_S)  # one wake-up for all that comes meanwhile, not one for each
         while record is not None:
-            if isinstance(record, threading.Event):
+            if isinstance(record, Future):
                 waiting.append(record)
             else:
                 batch.append(record)
@@ -226,7 +273,7 @@ class Journal:
             while not self._closing.wait(_SYNC_S):
                 os.fsync(self._wal)
         except OSError as error:
-            self._error = error
+            self._lost = error
         finally:
             os.close(self._wal)
 
@@ -243,12 +290,11 @@ class Journal:
         self._writer.join()
         self._syncer.join()
         try:
-            left = self._unwritten
             while not self._records.empty():
                 record = self._records.get()
-                left += [record] if isinstance(record, Record) else []
-            if left:
-                self._commit(left)
+                self._unwritten += [record] if isinstance(record, Record) else []
+            if self._unwritten:
+                self._commit(self._unwritten + self._told())
             self._db.close()
         except sqlite3.Error as error:
             with contextlib.suppress(sqlite3.Error):

@@ -179,6 +179,7 @@ class Recording:
         Raises:
             InputError: it cannot be written; the message names the journal that keeps everything.
         """
+        self.journal.try_again()
         self.audit("session saved", **self._dose_detail())
         self.journal.flush()
         self._save()

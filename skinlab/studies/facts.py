@@ -6,6 +6,7 @@ import hashlib
 from collections.abc import Mapping
 from typing import Any
 
+from drivers.numbers import number_in, whole_in
 from skinlab.curves.curve import Setup
 from skinlab.curves.program import parse_program
 from skinlab.errors import InputError
@@ -34,7 +35,7 @@ def checked(facts: Mapping[str, Any], where: str) -> Facts:
             continue
         if name in _NUMBERS or name in _WHOLE:
             try:
-                found[name] = int(str(value)) if name in _WHOLE else float(value)
+                found[name] = (whole_in if name in _WHOLE else number_in)(str(value))
             except (TypeError, ValueError):
                 raise InputError(f"{where}: {name} is {value!r}, expected a number") from None
         else:

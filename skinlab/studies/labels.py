@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from drivers.numbers import number_in
 from skinlab.studies.copies import of_others
 
 _SPELLED = ("subject", "site", "operator", "probe")
@@ -53,6 +54,6 @@ def _some(names: list[str]) -> str:
 
 def _is_number(value: Any) -> bool:
     try:
-        return math.isfinite(float(str(value)))
+        return math.isfinite(number_in(str(value)))
     except ValueError:
         return False

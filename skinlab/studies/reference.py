@@ -18,6 +18,7 @@ import numpy as np
 from msgspec import Meta
 from scipy.stats import norm
 
+from drivers.numbers import number_in
 from drivers.reading import read_whole
 from skinlab.curves.apertures import check_aperture
 from skinlab.curves.program import parse_program
@@ -68,7 +69,7 @@ class Range(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tru
     def points(self) -> tuple[list[float], list[float]]:
         """The percentiles and their values, in order."""
         try:
-            pairs = sorted((float(p), float(v)) for p, v in self.percentiles.items())
+            pairs = sorted((number_in(p), float(v)) for p, v in self.percentiles.items())
         except ValueError:
             raise ValueError("percentiles: expected names such as '5'") from None
         return [p for p, _ in pairs], [v for _, v in pairs]

@@ -17,6 +17,7 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import NDArray
 
+from drivers.numbers import number_in
 from drivers.reading import read_whole
 from skinlab.curves.cutometer import FORMULAS
 from skinlab.errors import InputError
@@ -294,7 +295,7 @@ class Columns:
 
 def _number(text: str) -> float:
     try:
-        return float(text)
+        return number_in(text)
     except ValueError:
         return math.nan
 

@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from drivers.numbers import number_in
 from skinlab.errors import InputError
 from skinlab.exchange.ro_crate import FILE as CRATE
 from skinlab.exchange.ro_crate import ro_crate
@@ -270,7 +271,7 @@ def _posteriors(state: State, layout: Layout, identifier: Identifier) -> Iterato
             continue
         draws = np.frombuffer(one.draws, dtype="<f4").astype(float)
         try:
-            age = float(str(row.get("age_years")))
+            age = number_in(str(row.get("age_years")))
         except ValueError:
             age = math.nan
         yield Posterior(

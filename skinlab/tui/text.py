@@ -221,7 +221,7 @@ def settings_line(board: Board, texts: Mapping[str, str]) -> str:
 
 def program_extent(program: Program) -> str:
     """Return how far a program goes, and how long it holds suction."""
-    whole, longest = suction_s(program), program.unpaused_suction_s
+    whole, longest = suction_s(program), program.longest_suction_s
     pause = "" if whole <= longest * (1 + 1e-9) else f", {longest:.3g} s without a pause"
     return f"up to {program.max_pressure_mbar:g} mbar, {whole:.3g} s under suction{pause}"
 

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skinlab.errors import InputError
+from skinlab.exchange.importing.clock import clock_s
 from skinlab.exchange.importing.questions import Answers, Question
 from skinlab.exchange.importing.table import Table
 from skinlab.exchange.importing.units import Role, Unit, find_unit, units_of
@@ -69,7 +70,7 @@ def _named(table: Table, stated: str, role: Role) -> int:
         raise InputError(
             f"--{role}-column {stated!r}: no such column; expected one of {_listed(table)}"
         )
-    if table.columns[index] is None:
+    if table.columns[index] is None and not (role == "time" and index in table.clocks):
         raise InputError(f"--{role}-column {stated!r}: expected a column of numbers")
     return index
 
@@ -81,7 +82,14 @@ def _listed(table: Table) -> str:
 def _found(table: Table, role: Role, taken: tuple[int, ...], answers: Answers) -> int:
     """Return the one column whose heading says that it is this channel, or ask."""
     numeric = [k for k, column in enumerate(table.columns) if column is not None]
-    fitting = [k for k in numeric if table.headings[k].role == role and k not in taken]
+    kinds = (numeric, list(table.clocks)) if role == "time" else (numeric,)
+
+    def having(said: Role | None) -> list[int]:
+        """Return columns of this role: numbers, or where none are a clock's."""
+        found = ([k for k in kind if table.headings[k].role == said] for kind in kinds)
+        return next((left for some in found if (left := [k for k in some if k not in taken])), [])
+
+    fitting = having(role)
     if len(fitting) == 1:
         return fitting[0]
     if fitting:
@@ -90,13 +98,15 @@ def _found(table: Table, role: Role, taken: tuple[int, ...], answers: Answers) -
             f"line {table.header_line}: several columns may be the {role}",
         )
     else:
-        left = [k for k in numeric if table.headings[k].role is None and k not in taken]
+        left = having(None)
+        if len(left) == 1 and left[0] in table.clocks:
+            return left[0]
         open_question = f"line {table.header_line}: nothing says which column is the {role}"
     for k, heading in enumerate(table.headings):
         if not fitting and heading.role == role and table.columns[k] is None:
             raise InputError(
                 f"line {table.lines[0]}: the {role} (column {heading.text!r}) is not a "
-                "number in most rows; expected numbers"
+                f"number in most rows; expected numbers{', or hh:mm:ss' * (role == 'time')}"
             )
     if not left:
         hint = "; or give the pressure program with --program" if role == "pressure" else ""
@@ -113,7 +123,9 @@ def _found(table: Table, role: Role, taken: tuple[int, ...], answers: Answers) -
 
 def _channel(table: Table, role: Role, index: int, answers: Answers) -> Channel:
     heading, values = table.headings[index], table.columns[index]
-    assert values is not None
+    if values is None:
+        seconds = clock_s(table.clocks[index], table.lines)
+        return Channel(seconds, _label(table, index), "hh:mm:ss")
     stated = answers.stated(f"{role}-unit")
     unit = heading.unit if heading.unit is not None and heading.unit.role == role else None
     if stated is not None:

@@ -7,7 +7,9 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from drivers.numbers import number_in
 from skinlab.curves.curve import Curve
+from skinlab.curves.lone_readings import lone_readings, white_noise
 from skinlab.curves.pressure_path import PressurePath
 from skinlab.curves.program import MOST_PRESSURE_MBAR
 from skinlab.curves.program_check import followed
@@ -18,39 +20,64 @@ from skinlab.exchange.importing.table import Table
 from skinlab.text import counted
 
 Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
 
 _FINELY = 2001  # times of a program at which its suction is looked at
+_GLITCHES, _FEW = 0.02, 4  # readings that may be glitches: a share of very many, else so many
 _BEYOND = 1.2  # times the highest pressure of any program: no reading that is a little off
 
 
-def suction(pressure_mbar: Array, table: Table) -> tuple[Array, list[str]]:
+def suction(time_s: Array, pressure_mbar: Array, table: Table) -> tuple[Array, list[str]]:
     """Return the pressure (rows,) with suction positive, and what was done to it.
 
     Raises:
         InputError: no suction of a probe; names the line.
     """
     notes = []
-    if -pressure_mbar.min() > 3 * max(pressure_mbar.max(), 0.0):
+    glitches = _glitches(time_s, pressure_mbar)
+    low, high = pressure_mbar[~glitches].min(), pressure_mbar[~glitches].max()
+    if -low > 3 * max(high, 0.0):
         pressure_mbar = 0.0 - pressure_mbar  # and not -x: a zero stays a plain one
+        low, high = -high, -low
         notes.append("the pressure was negated: it is below that of the room, which is suction")
-    far = np.flatnonzero(beyond_any_program(pressure_mbar))
+    notes += [
+        f"line {table.lines[k]}: a pressure of {pressure_mbar[k]:g} mbar stands alone: a glitch, "
+        "which no fit uses"
+        for k in np.flatnonzero(glitches)
+    ]
+    far = np.flatnonzero(_beyond(pressure_mbar) & ~glitches)
     if far.size:
         raise InputError(
             f"line {table.lines[int(far[0])]}: a pressure of {pressure_mbar[far[0]]:g} mbar; "
             f"expected a suction of 0-{MOST_PRESSURE_MBAR:g} mbar, below that of the room "
             "(is its unit right?)"
         )
-    if pressure_mbar.max() <= 0 or -pressure_mbar.min() > pressure_mbar.max() / 3:
-        raise InputError(
-            f"the pressure goes from {pressure_mbar.min():g} to {pressure_mbar.max():g} mbar; "
-            "expected a suction"
-        )
+    if high <= 0 or -low > high / 3:
+        raise InputError(f"the pressure goes from {low:g} to {high:g} mbar; expected a suction")
     return pressure_mbar, notes
 
 
-def beyond_any_program(pressure_mbar: Array) -> NDArray[np.bool_]:
-    """Return which readings (rows,) no program asks for, nor comes near: their unit is another."""
+def of_another_unit(curve: Curve) -> bool:
+    """Return whether readings of the pressure are such that no program comes near them."""
+    beyond = _beyond(curve.pressure_mbar)
+    return bool((beyond & ~_glitches(curve.time_s, curve.pressure_mbar)).any())
+
+
+def _beyond(pressure_mbar: Array) -> Mask:
+    """Return which readings (rows,) no program asks for, nor comes near."""
     return np.asarray(np.abs(pressure_mbar) > _BEYOND * MOST_PRESSURE_MBAR)
+
+
+def _glitches(time_s: Array, pressure_mbar: Array) -> Mask:
+    """Return which of those are glitches (rows,): a few, each alone or with one more."""
+    lone = lone_readings(time_s, pressure_mbar, white_noise(pressure_mbar))
+    found = _beyond(pressure_mbar) & lone
+    return found if found.sum() <= most_glitches(len(found)) else np.zeros_like(found)
+
+
+def most_glitches(count: int) -> int:
+    """Return how many of so many readings of a channel may be glitches."""
+    return max(int(_GLITCHES * count), min(_FEW, count // 5))
 
 
 def follow_program(curve: Curve, answers: Answers) -> tuple[Curve, list[str]]:
@@ -166,7 +193,7 @@ def _start(time_s: Array, answers: Answers) -> float:
 
 def _time_s(stated: str) -> float:
     try:
-        start = float(stated)
+        start = number_in(stated)
     except ValueError:
         start = float("nan")
     if not np.isfinite(start):

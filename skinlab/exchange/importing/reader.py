@@ -22,9 +22,10 @@ from skinlab.errors import InputError
 from skinlab.exchange.importing.columns import Channel, find_channels
 from skinlab.exchange.importing.decode import decode
 from skinlab.exchange.importing.pressure import (
-    beyond_any_program,
     follow_program,
     from_the_start,
+    most_glitches,
+    of_another_unit,
     suction,
 )
 from skinlab.exchange.importing.questions import Answers, OpenError, Question
@@ -39,7 +40,6 @@ Array = NDArray[np.float64]
 MOST_BYTES = 64 << 20
 _HEAD_BYTES = 4096
 _ZERO_MM = 0.02  # a zero may be off by it
-_GLITCHES, _FEW = 0.02, 4  # readings that may be glitches: a share of very many, else so many
 _ZIP, _OLE = b"PK\x03\x04", b"\xd0\xcf\x11\xe0"
 
 
@@ -92,9 +92,7 @@ def _as_the_heading_says(curve: Curve) -> bool:
     except InputError:
         return False
     inside = max(_reaches(curve.deflection_mm)) <= curve.setup.aperture_mm
-    return inside and not (
-        _inward(curve.deflection_mm) or beyond_any_program(curve.pressure_mbar).any()
-    )
+    return inside and not (_inward(curve.deflection_mm) or of_another_unit(curve))
 
 
 def import_file(path: Path, setup: Setup, answers: Answers) -> Imported:
@@ -178,7 +176,7 @@ def _curve(
     _check_deflection(deflection, setup, table)
     curve = Curve(name, setup, time, np.zeros(len(time)), deflection)
     if "pressure" in channels:
-        pressure, more = suction(channels["pressure"].values, table)
+        pressure, more = suction(time, channels["pressure"].values, table)
         curve = replace(curve, pressure_mbar=pressure)
         if setup.program is not None:
             curve, started = from_the_start(curve, answers)
@@ -213,8 +211,7 @@ def _inward(deflection: Array) -> bool:
 
 def _reaches(deflection: Array) -> tuple[float, float]:
     """Return how far a deflection (rows,) goes below and above zero, mm, glitches aside."""
-    ordered, count = np.sort(deflection), len(deflection)
-    aside = max(int(_GLITCHES * count), min(_FEW, count // 5))
+    ordered, aside = np.sort(deflection), most_glitches(len(deflection))
     return -float(ordered[aside]), float(ordered[-1 - aside])
 
 

@@ -5,14 +5,16 @@ from __future__ import annotations
 import math
 import re
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import chain, islice
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from skinlab.errors import InputError
+from skinlab.exchange.importing.clock import is_clock
 from skinlab.exchange.importing.headings import Heading, read_heading
 from skinlab.exchange.importing.units import find_unit
 
@@ -22,6 +24,7 @@ _NUMBERS = {
     ".": re.compile(r"[+-]?([0-9]+(\.[0-9]*)?|\.[0-9]+)([eE][+-]?[0-9]+)?"),
     ",": re.compile(r"[+-]?([0-9]+(,[0-9]+)?|,[0-9]+)([eE][+-]?[0-9]+)?"),
 }
+_Kind = Literal["number", "clock"]
 _FEWEST_ROWS = 2
 _FEWEST_COLUMNS = 2
 
@@ -37,10 +40,14 @@ class Line:
 
 @dataclass(frozen=True, eq=False)
 class Table:
-    """The table: headings (n,), columns (n,) of values (rows,), None where one is not numeric."""
+    """The table: headings (n,), columns (n,) of values (rows,), None where one is not numeric.
+
+    `clocks` are the cells (rows,) of columns that begin with a time of a clock, by index.
+    """
 
     headings: tuple[Heading, ...]
     columns: tuple[NDArray[np.float64] | None, ...]
+    clocks: Mapping[int, tuple[str, ...]]
     lines: tuple[int, ...]  # (rows,) number of each row's line
     header_line: int  # that of the headings; of the first row where there are none
     before: int  # lines before the table that were not used
@@ -53,7 +60,7 @@ class Draft:
 
     decimal: str
     width: int
-    core: tuple[int, ...]  # indices of the columns that are numbers
+    core: tuple[tuple[int, _Kind], ...]  # columns that are numbers; few, and those of a clock
     runs: tuple[tuple[int, int], ...]  # of rows that fit, as indices of lines
     chosen: int  # which run is the table
     header: tuple[Cell, ...]
@@ -80,17 +87,35 @@ def number(cell: Cell, decimal: str) -> float | None:
     return value if math.isfinite(value) else None
 
 
+def _kind(cell: Cell, decimal: str) -> _Kind | None:
+    if number(cell, decimal) is not None:
+        return "number"
+    return "clock" if is_clock(cell) else None
+
+
+def _core(kinds: Sequence[_Kind | None]) -> tuple[tuple[int, _Kind], ...]:
+    """Return the columns that make a line a row: a clock counts beside one number alone."""
+    numbers: list[tuple[int, _Kind]] = [(k, "number") for k, v in enumerate(kinds) if v == "number"]
+    if len(numbers) != 1:
+        return tuple(numbers)
+    return tuple((k, kind) for k, kind in enumerate(kinds) if kind is not None)
+
+
 def survey(lines: Sequence[Line], decimal: str) -> Draft | None:
     """Look for a table among lines (none of them empty); None where there is none."""
-    values = [[number(cell, decimal) is not None for cell in line.cells] for line in lines]
-    patterns = Counter((len(mask), tuple(mask)) for mask in values if sum(mask) >= _FEWEST_COLUMNS)
+    kinds = [[_kind(cell, decimal) for cell in line.cells] for line in lines]
+    cores = [_core(line) for line in kinds]
+    patterns = Counter(
+        (len(line), core)
+        for line, core in zip(kinds, cores, strict=True)
+        if len(core) >= _FEWEST_COLUMNS
+    )
     if not patterns:
         return None
-    (width, mask), count = patterns.most_common(1)[0]
+    (width, core), count = patterns.most_common(1)[0]
     if count < _FEWEST_ROWS:
         return None
-    core = tuple(k for k, numeric in enumerate(mask) if numeric)
-    fits = [len(v) > core[-1] and all(v[k] for k in core) for v in values]
+    fits = [len(v) > core[-1][0] and all(v[k] == kind for k, kind in core) for v in kinds]
     edges = np.flatnonzero(np.diff([0, *fits, 0]))
     runs = tuple((int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True))
     above = (lines[0 if k == 0 else runs[k - 1][1] : begin] for k, (begin, _) in enumerate(runs))
@@ -165,14 +190,20 @@ def finish(lines: Sequence[Line], draft: Draft) -> Table:
     for line in lines[end:]:
         if draft.chosen + 1 < len(draft.runs) or _meant_as_row(line, draft):
             raise InputError(f"line {line.number}: {_trouble(line, draft, headings)}")
-    rows = [[number(line.cells[k], draft.decimal) for k in draft.core] for line in lines[begin:end]]
+    numbers = [k for k, kind in draft.core if kind == "number"]
+    rows = [[number(line.cells[k], draft.decimal) for k in numbers] for line in lines[begin:end]]
     values = np.array(rows, dtype=float)
     columns: list[NDArray[np.float64] | None] = [None] * width
-    for position, k in enumerate(draft.core):
+    for position, k in enumerate(numbers):
         columns[k] = values[:, position]
     return Table(
         headings,
         tuple(columns),
+        {
+            k: tuple(str(line.cells[k]) if k < len(line.cells) else "" for line in lines[begin:end])
+            for k, cell in enumerate(lines[begin].cells)
+            if is_clock(cell)
+        },
         tuple(line.number for line in lines[begin:end]),
         header_line=lines[begin - draft.used if names else begin].number,
         before=begin - (draft.used if names else 0),
@@ -184,7 +215,8 @@ def _meant_as_row(line: Line, draft: Draft) -> bool:
     """Whether a line behind the rows looks like a damaged row rather than a remark."""
     first = str(line.cells[0]).strip()[:1]
     numbers = sum(
-        k < len(line.cells) and number(line.cells[k], draft.decimal) is not None for k in draft.core
+        k < len(line.cells) and _kind(line.cells[k], draft.decimal) == kind
+        for k, kind in draft.core
     )
     same = len(line.cells) == draft.width and 2 * numbers >= len(draft.core)
     return same or (first.isdigit() and first.isascii()) or first in {"-", "+", ".", ","}
@@ -192,11 +224,12 @@ def _meant_as_row(line: Line, draft: Draft) -> bool:
 
 def _trouble(line: Line, draft: Draft, headings: Sequence[Heading]) -> str:
     sign = {".": "a point", ",": "a comma"}[draft.decimal]
-    for k in draft.core:
+    for k, kind in draft.core:
         name = headings[k].text or f"column {k + 1}"
         if k >= len(line.cells):
             return f"{len(line.cells)} fields, expected {draft.width}"
-        if number(line.cells[k], draft.decimal) is None:
+        if _kind(line.cells[k], draft.decimal) != kind:
             shown = str(line.cells[k]).strip()[:40]
-            return f"{name} is {shown!r}, expected a number (decimal sign: {sign})"
+            expected = "a time" if kind == "clock" else f"a number (decimal sign: {sign})"
+            return f"{name} is {shown!r}, expected {expected}"
     return "numbers where the table had ended"

@@ -8,6 +8,7 @@ from typing import Any, Generic, Protocol, TypeVar
 
 import numpy as np
 
+from drivers.numbers import number_in
 from skinlab.errors import InputError
 from skinlab.inference.problem import Estimate, Options, Problem
 from skinlab.inference.settings import STARTS
@@ -79,6 +80,8 @@ class Option(Generic[V]):
         """
         kind = type(self.default)
         try:
+            if kind is not str:
+                number_in(text)
             value = kind(text)
         except ValueError:
             raise ValueError(f"{text!r} is not {_WORDS[kind]}") from None

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from skinlab.curves.curve import Curve, white_noise
+from skinlab.curves.curve import Curve
+from skinlab.curves.lone_readings import white_noise
 from skinlab.quality.gates.base import CurveSoFar, Finding, Gate
 from skinlab.quality.settings import REPEATS
 

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import gc
+import sqlite3
 import threading
 import time
 from dataclasses import replace
@@ -29,8 +30,9 @@ from skinlab.acquisition.messages import (
 from skinlab.acquisition.probe_session import ProbeSession
 from skinlab.curves.curve import Setup
 from skinlab.curves.program import parse_program
-from skinlab.errors import AcquisitionError
+from skinlab.errors import AcquisitionError, InputError
 from skinlab.recording.audit import entries
+from skinlab.recording.journal import Journal
 from skinlab.recording.session import read_session
 from skinlab.recording.session_check import check
 from skinlab.recording.stream import CurveCompleted, Happened, Identified, Sampled
@@ -280,6 +282,44 @@ def test_a_session_goes_on_with_another_head(tmp_path, identifier):
     assert check(path)[1] == []
 
 
+def test_with_room_again_the_session_goes_on_with_the_next_connection(room, tmp_path, monkeypatch):
+    """The disk fills up in a run, which vents. It had been full until the program was ended."""
+    full = threading.Event()
+
+    def commit(self, batch, whole=Journal._commit):
+        if full.is_set():
+            raise sqlite3.OperationalError("database or disk is full")
+        whole(self, batch)
+
+    monkeypatch.setattr(Journal, "_commit", commit)
+    room.connect(SLOW)
+    room.session.measure(order("ramp:100@2"), room.session.vents)
+    room.until(lambda: len(room.messages(Sampled)) > 20)
+    full.set()
+    room.until(lambda: room.messages(CurveCompleted))
+    room.until(lambda: room.messages(Identified))  # of what there was of the curve
+    with pytest.raises(InputError, match="make room: the next record tries again"):
+        room.session.audit("note", text="not kept")
+    room.session.leave()
+    room.thread.join(PATIENCE_S)
+    full.clear()
+    room.news.clear()
+    room.connect()
+    assert room.of(Connected)[0].goes_on
+    measure(room, order())
+    room.close()
+    assert room.error is None
+    (path,) = tmp_path.iterdir()
+    session, problems = check(path)
+    assert problems == []
+    assert [curve.partial for curve in session.curves] == [True, False]
+    assert len(session.results) == 2
+    assert None not in session.results
+    deeds = heads_of(path)[0]
+    assert "journal written again" in deeds
+    assert "note" not in deeds
+
+
 def test_anew_or_without_a_probe_the_session_is_finished(room, tmp_path):
     room.connect()
     measure(room, order())
@@ -376,7 +416,6 @@ def test_no_probe_at_the_port(room, tmp_path):
 
 
 def test_a_session_that_cannot_be_written_keeps_its_journal(room, tmp_path, monkeypatch):
-    from skinlab.errors import InputError
     from skinlab.recording import recorder as recording
 
     def refuse(path, content, *, replace):

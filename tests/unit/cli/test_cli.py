@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from skinlab.cli.main import _COMMANDS, cli, run
+from skinlab.inference.identify import Identifier
 from skinlab.inference.methods import method_names
 from skinlab.mechanics.effects import EFFECTS
 from skinlab.mechanics.effects.base import Effect, Parameter
@@ -477,3 +478,53 @@ def test_the_shell_completes_commands_and_options(words, found):
         check=True,
     )
     assert f"plain,{found}" in done.stdout.splitlines()
+
+
+@pytest.mark.parametrize("more", [(), ("--advise",)])
+def test_an_interrupted_identify_gives_what_is_done(capsys, monkeypatch, curve_csv, more):
+    """Of two curves, as Ctrl-C comes in the second; nothing was printed of 299 of 300."""
+    calls = []
+
+    def interrupted(self, curve, whole=Identifier.__call__):
+        calls.append(curve)
+        if len(calls) % 2 == 0:
+            raise KeyboardInterrupt
+        return whole(self, curve)
+
+    monkeypatch.setattr(Identifier, "__call__", interrupted)
+    other = curve_csv.with_name("d.csv")
+    other.write_text(curve_csv.read_text())
+    absent = curve_csv.with_name("absent.csv")
+    command = ["identify", curve_csv, absent, other, *SKIN]
+    status, out, err = call(capsys, *command, *more)
+    assert status == 130
+    assert out.startswith(f"{curve_csv}  (6 mm opening")
+    assert "d.csv" not in out
+    assert err.endswith("\nskinlab: stopped after 2 of 3 curves\n")
+    status, out, err = call(capsys, *command, *more, "--json")
+    document = json.loads(out)
+    assert status == 130
+    assert [Path(c["file"]).name for c in document["curves"]] == ["c.csv", "absent.csv"]
+    assert (document["joint"], document["advice"]) == (None, None)
+
+
+def test_identify_that_is_interrupted_at_once_has_nothing_to_tell(capsys, monkeypatch, curve_csv):
+    def interrupted(self, curve):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(Identifier, "__call__", interrupted)
+    for form in ((), ("--json",)):
+        status, out, err = call(capsys, "identify", curve_csv, *SKIN, *form)
+        assert (status, out, err.strip()) == (130, "", "skinlab: interrupted")
+
+
+def test_identify_that_is_interrupted_in_what_curves_say_together_gives_each(
+    capsys, monkeypatch, curve_csv
+):
+    def interrupted(self, curves):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(Identifier, "joint", interrupted)
+    status, out, err = call(capsys, "identify", curve_csv, *SKIN, "--joint", "--json")
+    assert (status, err) == (130, "skinlab: stopped after 1 of 1 curve\n")
+    assert json.loads(out)["curves"][0]["parameters"] is not None

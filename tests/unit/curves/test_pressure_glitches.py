@@ -1,5 +1,7 @@
 """One reading of the pressure that is none is found; what a pump does is no glitch."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -61,3 +63,13 @@ def test_a_short_pulse_that_was_asked_for_is_none():
     """Of 0.1 s at 10 samples a second one alone is high."""
     program = "ramp:80@2000,hold:0.1,release,rest:1,ramp:80@2000,hold:0.1,release,rest:1"
     assert found(measured(program, rate_hz=10.0)) == []
+
+
+@pytest.mark.parametrize("size_mbar", [30.0, -40.0, 700.0, 5000.0])
+def test_phases_are_read_without_it(size_mbar):
+    """Of a curve without a program the loading ended at the first glitch."""
+    curve = measured("ramp:100@20,ramp:0@20", stated=False)
+    off = replace(curve, pressure_mbar=bent(curve, [57, 150], size_mbar))
+    differ = np.flatnonzero(off.phase != curve.phase)
+    assert len(differ) <= 2  # beside the peak, where noise tells
+    assert off.first_load().sum() == pytest.approx(100, abs=2)

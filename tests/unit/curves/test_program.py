@@ -5,7 +5,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from skinlab.curves.program import Hold, Program, Ramp, Release, Rest, parse_program
+from skinlab.curves.program import (
+    Hold,
+    Program,
+    Ramp,
+    Release,
+    Rest,
+    check_measurable,
+    parse_program,
+)
 from skinlab.errors import InputError
 
 
@@ -61,6 +69,27 @@ def test_refuses_with_a_reason(text, says):
 def test_a_pause_ends_the_count_of_suction():
     assert parse_program("ramp:100@20,hold:50,release,rest:5,ramp:100@20,hold:50").duration_s == 115
     assert parse_program("mode2:100@5,5").duration_s == 200  # each cycle comes back to zero
+
+
+@pytest.mark.parametrize(
+    ("text", "longest_s"),
+    [
+        ("ramp:400@16,ramp:0@16", 50.0),
+        ("ramp:100@20,hold:10,ramp:0@10", 25.0),
+        ("mode2:100@5,5", 200.0),  # a moment at zero is no pause
+        ("ramp:100@20,release,ramp:100@10,ramp:0@10", 20.0),
+    ],
+)
+def test_the_way_down_is_suction(text, longest_s):
+    """There were two counts; that of the constructor, under the plainer name, left it out."""
+    program = parse_program(text)
+    assert program.longest_suction_s == pytest.approx(longest_s)
+
+
+def test_a_curve_may_be_of_a_program_that_no_probe_is_asked_for():
+    assert parse_program("ramp:400@8,ramp:0@8").longest_suction_s == 100.0
+    with pytest.raises(InputError, match="100 s of suction without a pause"):
+        check_measurable(parse_program("ramp:400@8,ramp:0@8"))
 
 
 positive = st.floats(0.001, 50, allow_nan=False)

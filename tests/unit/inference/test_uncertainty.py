@@ -618,7 +618,7 @@ def test_same_bits_for_any_number_of_workers(table):
     curves = [
         curve_of(table, truth, noise_um=3.0, seed=i) for i, truth in enumerate(drawn(table, 4, 3))
     ]
-    alone, parallel = (identify_all(Identifier(table), curves, workers) for workers in (1, 2))
+    alone, parallel = (list(identify_all(Identifier(table), curves, n)) for n in (1, 2))
     for a, b in zip(alone, parallel, strict=True):
         assert {**a.to_json(), "seconds": 0} == {**b.to_json(), "seconds": 0}
 

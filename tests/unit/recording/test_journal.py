@@ -6,13 +6,15 @@ import os
 import resource
 import sqlite3
 import stat
+from contextlib import contextmanager
 
 import pytest
 from crashes import journal_of_example
 
 from skinlab.errors import InputError
 from skinlab.recording import journal as module
-from skinlab.recording.audit import entries
+from skinlab.recording.audit import Chain, entries
+from skinlab.recording.byte_tap import ByteTap
 from skinlab.recording.journal import (
     Journal,
     all_left_behind,
@@ -129,33 +131,115 @@ def test_flush_returns_once_it_is_committed(tmp_path):
     journal.close()
 
 
-def test_what_could_not_be_committed_is_tried_again_at_the_end(tmp_path):
-    """No file may grow any more, as on a full disk."""
-    journal = Journal(tmp_path / "j", {})
-    journal.raw("rx", 0.0, b"first")
-    journal.flush()
-    used = (tmp_path / "j-wal").stat().st_size
+@contextmanager
+def full_disk(path):
+    """While open no file may grow any more; the journal's record "second" meets that."""
+    used = path.with_name(path.name + "-wal").stat().st_size
     soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (used, hard))
     try:
-        _what_is_written_is_refused(journal)
+        yield
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
-    journal.close()
-    assert [r.data for r in read_journal(tmp_path / "j").records] == [b"first", b"second"]
 
 
-def _what_is_written_is_refused(journal):
+def refused(journal):
+    """Write into a full disk; one reading is measured all the same."""
     journal.raw("rx", 1.0, b"second")
     with pytest.raises(InputError, match="cannot be written"):
         journal.flush()
+    with pytest.raises(InputError, match="make room: the next record tries again"):
+        journal.raw("rx", 2.0, b"third")
     for attempt in (
-        lambda: journal.raw("rx", 2.0, b""),
         lambda: journal.audit(2.0, "me", "x"),
+        lambda: journal.plan(2.0, {}),
         lambda: journal.require_room(1.0, 1.0),
+        lambda: ByteTap().into(journal),
     ):
         with pytest.raises(InputError, match="cannot be written"):
             attempt()
+
+
+@pytest.fixture
+def begun(tmp_path):
+    journal = Journal(tmp_path / "j", {})
+    journal.raw("rx", 0.0, b"first")
+    journal.flush()
+    return journal
+
+
+def told(path):
+    """Return the raw records, and what the trail says, of a journal that is whole."""
+    read = read_journal(path)
+    assert read.skipped == []
+    chain = Chain()
+    assert [found for r in read.records if (found := chain.complaint(r))] == []
+    raw = [r.data for r in read.records if r.kind is Kind.RECEIVED]
+    return raw, [e.what for e in entries(read.records)]
+
+
+AGAIN = "journal written again"
+
+
+def test_what_could_not_be_committed_is_tried_again_at_the_end(begun):
+    with full_disk(begun.path):
+        refused(begun)
+        whole = read_journal(begun.path)
+        assert [r.data for r in whole.records] == [b"first"]  # no half record behind it
+    begun.close()
+    assert told(begun.path) == ([b"first", b"second", b"third"], [AGAIN])
+
+
+@pytest.mark.parametrize(
+    "write",
+    [
+        lambda journal: journal.flush(),
+        lambda journal: journal.require_room(1.0, 1.0),
+        lambda journal: ByteTap().into(journal),
+    ],
+    ids=["flush", "another run", "another probe"],
+)
+def test_where_room_was_made_the_journal_goes_on(begun, write):
+    """It refused everything until the program was started anew."""
+    with full_disk(begun.path):
+        refused(begun)
+    write(begun)
+    assert begun.trouble is None
+    begun.raw("rx", 3.0, b"fourth")
+    begun.audit(3.0, "me", "x")
+    begun.close()
+    raw, trail = told(begun.path)
+    assert raw == [b"first", b"second", b"third", b"fourth"]
+    assert trail == [AGAIN, "x"]
+
+
+def test_a_record_that_does_not_wait_has_it_tried_again(begun):
+    """A probe's thread must not wait for a disk; the one behind it is taken."""
+    with full_disk(begun.path):
+        refused(begun)
+    with pytest.raises(InputError):
+        begun.audit(3.0, "me", "not taken")
+    begun.flush()
+    begun.audit(3.0, "me", "taken")
+    begun.close()
+    assert told(begun.path)[1] == [AGAIN, "taken"]
+
+
+def test_a_disk_that_lost_what_was_written_is_not_trusted_again(tmp_path, monkeypatch):
+    """What fsync fails for may be gone, whatever it says the next time."""
+
+    def fail(number):
+        raise OSError(5, "Input/output error")
+
+    monkeypatch.setattr(module, "_SYNC_S", 0.0)
+    monkeypatch.setattr(module.os, "fsync", fail)
+    journal = Journal(tmp_path / "j", {})
+    journal._syncer.join()
+    for attempt in (journal.flush, journal.try_again, lambda: journal.raw("rx", 1.0, b"x")):
+        with pytest.raises(InputError, match=r"cannot be written .*Input/output error"):
+            attempt()
+    monkeypatch.undo()
+    journal.close()
 
 
 def test_the_space_that_a_run_needs_is_not_underestimated(tmp_path):

@@ -221,9 +221,9 @@ def test_labels_that_may_be_wrong_are_said():
         "subject: P1, p1 are taken for different ones; write one alike",
         "site: left arm, leftarm are taken for different ones; write one alike",
     ]
-    people = {"P1": {"age_years": "old"}, "P2": {"age_years": "30"}, "P9": {}}
+    people = {"P1": {"age_years": "3_0"}, "P2": {"age_years": "30"}, "P9": {}}
     assert doubtful_labels(columns, people)[2:] == [
         "a table of people names P9, of whom there is no curve",
         "the tables of people do not name p1",
-        "P1: age_years is 'old', expected a number; it is not used",
+        "P1: age_years is '3_0', expected a number; it is not used",
     ]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
+from datetime import datetime, timedelta
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +14,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from skinlab.curves.curve import Setup
+from skinlab.curves.pressure_glitches import pressure_glitches
 from skinlab.curves.program import parse_program
 from skinlab.errors import InputError
 from skinlab.exchange.importing.questions import Answers, Question
@@ -440,8 +442,8 @@ def damaged(row, replacement):
         (damaged(50, "2.45;50;0.15"), "line 52: time 2.45 s does not increase"),
         ("t (s);p (mbar);w (mm)\n" + rows(n=4), "4 samples; expected at least 5"),
         ("t (s);w (mm)\n" + rows(pick=(0, 2)), "or give the pressure program with --program"),
-        ("t;p (mbar);w (mm)\n" + "0:01;1;1\n" * 9, "line 1: no column of the time"),
-        ("time;p (mbar);w (mm)\n" + "0:01;1;1\n" * 9, "line 2: the time (column 'time') is no"),
+        ("t;p (mbar);w (mm)\n" + "soon;1;1\n" * 9, "line 1: no column of the time"),
+        ("time;p (mbar);w (mm)\n" + "soon;1;1\n" * 9, "line 2: the time (column 'time') is no"),
         ("p (mbar);w (mm)\n" + rows(pick=(1, 2)), "line 1: no column of the time"),
         ("t (s);p (bar);w (mm)\n" + rows(), "line 3: a pressure of 1000 mbar; expected a suction"),
         ("t (s);p (mbar);w (cm)\n" + rows(scale=(1, 1, 9)), "expected less (is its unit right?)"),
@@ -524,3 +526,113 @@ def test_a_glitch_of_the_deflection_turns_no_dome_and_is_no_other_unit(glitch_mm
     curve = read("t (s);p (mbar);w (mm)\n" + "".join(lines)).curve
     assert curve.deflection_mm[20] == glitch_mm
     assert curve.deflection_mm[-1] == pytest.approx(0.3)
+
+
+def off(at, mbar, sign=1):
+    """Return a file of a ramp to 100 mbar, some of whose readings are `mbar`."""
+    pressures = [mbar if i in at else sign * i for i in range(101)]
+    lines = (f"{0.05 * i:.2f};{p};{0.003 * i:.4f}\n" for i, p in enumerate(pressures))
+    return "t (s);p (mbar);w (mm)\n" + "".join(lines)
+
+
+@pytest.mark.parametrize("mbar", [700, 5000, -5000])
+@pytest.mark.parametrize("sign", [1, -1])
+@pytest.mark.parametrize("at", [(20,), (20, 70), (40, 41)])
+def test_a_glitch_of_the_pressure_is_told_and_is_no_other_unit(at, sign, mbar):
+    """One reading of hundreds had refused the file."""
+    imported = read(off(at, mbar, sign))
+    told = [note for note in imported.understood if "a glitch, which no fit uses" in note]
+    assert [note.partition(":")[0] for note in told] == [f"line {i + 2}" for i in at]
+    curve = imported.curve
+    assert curve.pressure_mbar[-1] == 100
+    assert curve.pressure_mbar[at[0]] == sign * mbar
+    assert set(curve.phase) == {"load"}
+    assert np.flatnonzero(pressure_glitches(curve, 0.0)).tolist() == list(at)
+    with_program = read(off(at, mbar, sign), RAMP).curve
+    assert np.flatnonzero(pressure_glitches(with_program, 0.0)).tolist() == list(at)
+
+
+@pytest.mark.parametrize(
+    "at", [range(40, 45), range(98, 101), range(5, 95, 9)], ids=["a row", "the top", "many"]
+)
+def test_a_pressure_that_was_too_high_for_long_is_refused(at):
+    assert f"line {at[0] + 2}: a pressure of 700 mbar; expected" in refusal(off(at, 700))
+
+
+def test_a_peak_that_a_ramp_goes_to_is_no_glitch():
+    peak = enumerate((*range(0, 651, 50), *range(600, -1, -50)))
+    lines = (f"{0.1 * i:.1f};{p};{0.001 * p:.4f}\n" for i, p in peak)
+    said = refusal("t (s);p (mbar);w (mm)\n" + "".join(lines))
+    assert said.startswith("line 15: a pressure of 650 mbar; expected a suction")
+
+
+# ---- times of a clock ----------------------------------------------------------------------------
+
+
+def clock(seconds, *, hours=True, decimal="."):
+    """Return hh:mm:ss.fff or mm:ss.fff; hours and minutes begin again."""
+    ms = round(1000 * seconds)
+    minutes, rest = divmod(ms // 1000, 60)
+    hour = f"{minutes // 60 % 24:02d}:" if hours else ""
+    return f"{hour}{minutes % 60:02d}:{rest:02d}{decimal}{ms % 1000:03d}"
+
+
+def clocked(texts, head="Time;p (mbar);w (mm)"):
+    lines = (f"{text};{i};{0.003 * i:.4f}\n" for i, text in enumerate(texts))
+    return f"{head}\n{''.join(lines)}"
+
+
+@pytest.mark.parametrize(
+    "begin_s", [0.0, 37_233.05, 86_398.0], ids=["elapsed", "of the day", "past midnight"]
+)
+@pytest.mark.parametrize(("hours", "decimal"), [(True, "."), (True, ","), (False, ".")])
+def test_a_clock_tells_the_time(begin_s, hours, decimal):
+    texts = [clock(begin_s + 0.05 * i, hours=hours, decimal=decimal) for i in range(101)]
+    imported = read(clocked(texts))
+    np.testing.assert_allclose(
+        imported.curve.time_s, begin_s % (86_400 if hours else 3600) + 0.05 * np.arange(101)
+    )
+    assert "time: column 'Time' in hh:mm:ss" in imported.understood
+    assert read(clocked(texts, "t;p (mbar);w (mm)")).curve.time_s.tolist() == (
+        imported.curve.time_s.tolist()
+    )
+
+
+def test_a_clock_is_enough_beside_one_channel():
+    texts = [clock(0.05 * i) for i in range(101)]
+    lines = "".join(f"{text};{0.003 * i:.4f}\n" for i, text in enumerate(texts))
+    check_ramp(read("time;deflection (mm)\n" + lines, RAMP))
+
+
+def test_seconds_are_taken_before_a_clock():
+    data = "Time;Elapsed time (s);p (mbar);w (mm)\n"
+    data += "".join(f"10:20:33;{row}\n" for row in rows().splitlines())
+    check_ramp(read(data))
+    assert "does not increase" in refusal(data, time_column="1")
+
+
+@pytest.mark.parametrize(
+    ("texts", "says"),
+    [
+        (["10:20", "10:21"] * 5, "line 2: the time '10:20' may be hours and minutes, or minutes"),
+        (["10:59:59", "11:00"] * 5, "line 3: the time '11:00' may be hours and minutes"),
+        (["10:59:59", "11:00:61"] * 5, "line 3: the time is '11:00:61'; expected hh:mm:ss, or"),
+        (["10:59:59", "10:59:58"] * 5, "line 3: time 39598 s does not increase"),
+        ([f"{h}:00:00" for h in (1, 23, 0, 23, 0, 1)], "does not increase"),
+        (["10:20:33 AM", "10:20:34 AM"] * 5, "is not a number in most rows; expected numbers, or"),
+    ],
+)
+def test_a_clock_that_may_be_read_in_two_ways_is_refused(texts, says):
+    assert says in refusal(clocked(texts))
+
+
+def test_a_workbook_may_have_times_of_the_day():
+    book = openpyxl.Workbook()
+    book.active.append(["Time", "p (mbar)", "w (mm)"])
+    for i in range(101):
+        at = datetime(2026, 3, 1, 10) + timedelta(milliseconds=50 * i)
+        book.active.append([at.time(), float(i), 0.003 * i])
+    stream = io.BytesIO()
+    book.save(stream)
+    time_s = read(stream.getvalue()).curve.time_s
+    np.testing.assert_allclose(time_s, 36_000 + 0.05 * np.arange(101), atol=1e-3)
