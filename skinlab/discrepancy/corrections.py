@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -19,7 +19,7 @@ _LITTLE = 0.05  # of the most that relaxes in a curve: of less no share is taken
 
 @dataclass(frozen=True, eq=False)
 class Points:
-    """Where corrections are known with their slopes: the anchor first, which is 0.
+    """Where corrections are known: the anchor first, which is 0, with its slopes.
 
     Between them they are smooth: a Gaussian process of squared exponential kernel, with slopes
     (Rasmussen and Williams 2006, Gaussian Processes for Machine Learning, ch. 9.4).
@@ -27,15 +27,16 @@ class Points:
 
     off: Array  # (p, k) the anchor, in lengths of the process
     lengths: Array  # (k,)
+    sloped: bool  # whether slopes are known at the others, too
 
     @classmethod
-    def anchor(cls, lengths: Array) -> Points:
+    def anchor(cls, lengths: Array, *, sloped: bool) -> Points:
         """Return the anchor alone."""
-        return cls(np.zeros((1, len(lengths))), lengths)
+        return cls(np.zeros((1, len(lengths))), lengths, sloped)
 
     def also(self, off: Array) -> Points:
         """Return these points, and others off the anchor by (n, k)."""
-        return Points(np.vstack([self.off, off / self.lengths]), self.lengths)
+        return replace(self, off=np.vstack([self.off, off / self.lengths]))
 
     def doubt(self, off: Array) -> Array:
         """Return how little is known (n,) off the anchor by (n, k): 1 far off, 0 at a point."""
@@ -43,14 +44,20 @@ class Points:
         return np.asarray(1.0 - np.einsum("ij,ji->i", known, np.linalg.solve(self._gram, known.T)))
 
     def weights(self, values: Array, slopes: Array) -> Array:
-        """Return weights (p (1 + k), m) of values (p, m) and their slopes (p, m, k)."""
+        """Return weights (d, m) of values (p, m) and their slopes (s, m, k); d = p + s k."""
         each = (slopes * self.lengths).transpose(2, 0, 1).reshape(-1, values.shape[1])
         return np.asarray(np.linalg.solve(self._gram, np.vstack([values, each])))
 
+    @property
+    def with_slopes(self) -> int:
+        """At how many of them (s) slopes are known, the first ones."""
+        return len(self.off) if self.sloped else 1
+
     def covariance(self, off: Array) -> Array:
-        """Return covariances (n, p (1 + k)) of values off the anchor with what is known."""
+        """Return covariances (n, d) of values off the anchor with what is known."""
         apart, kernel = self._kernel(off / self.lengths)
-        return np.hstack([kernel, *(apart * kernel[:, :, None]).transpose(2, 0, 1)])
+        some = slice(self.with_slopes)
+        return np.hstack([kernel, *(apart * kernel[:, :, None])[:, some].transpose(2, 0, 1)])
 
     def _kernel(self, off: Array) -> tuple[Array, Array]:
         apart = off[:, None] - self.off
@@ -58,18 +65,18 @@ class Points:
 
     @cached_property
     def _gram(self) -> Array:
-        """The covariance (p (1 + k), p (1 + k)) of what is known."""
+        """The covariance (d, d) of what is known."""
         count, k = self.off.shape
-        apart, kernel = self._kernel(self.off)
+        s = self.with_slopes
+        apart, kernel = (each[:s] for each in self._kernel(self.off))
         rows = [self.covariance(self.off * self.lengths)]
         for i in range(k):
-            with_slopes = [
-                (float(i == j) - apart[:, :, i] * apart[:, :, j]) * kernel for j in range(k)
-            ]
-            rows.append(np.hstack([-apart[:, :, i] * kernel, *with_slopes]))
+            row = -apart[:, :, i] * kernel
+            each = [float(i == j) * kernel + row * apart[:, :, j] for j in range(k)]
+            rows.append(np.hstack([row, *(one[:, :s] for one in each)]))
         # The anchor itself is exact: the others give way to it.
         own = np.append(_EXACT, np.ones(count - 1))
-        noise = np.concatenate([_NOISE * own, np.tile(_SLOPES_NOISE * own, k)])
+        noise = np.concatenate([_NOISE * own, np.tile(_SLOPES_NOISE * own[:s], k)])
         return np.vstack(rows) + np.diag(noise)
 
 
@@ -90,21 +97,22 @@ class Learnt:
         return found
 
     def passes(self, points: Points, others: Sequence[Learnt]) -> None:
-        """Take values and slopes at points, the anchor first: between them it is smooth."""
+        """Take values, and slopes if they are known, at all points but the anchor, the first."""
         self.more = None
-        straight = self.at(points.off[1:] * points.lengths)
-        values, slopes = np.zeros((1, *self.value.shape)), np.zeros((1, *self.slopes.shape))
-        beyond = np.array([o.value for o in others]) - straight
-        turned = np.array([o.slopes for o in others]) - self.slopes
-        weights = points.weights(np.vstack([values, beyond]), np.concatenate([slopes, turned]))
-        self.more = points, weights
+        beyond = np.zeros((len(points.off), len(self.value)))
+        beyond[1:] = np.array([o.value for o in others])
+        beyond[1:] -= self.at(points.off[1:] * points.lengths)
+        turned = np.zeros((points.with_slopes, *self.slopes.shape))
+        if points.sloped:
+            turned[1:] = np.array([o.slopes for o in others]) - self.slopes
+        self.more = points, points.weights(beyond, turned)
 
     def move(self, value: Array, off: Array) -> None:
         """Take the next anchor, and learn from it how the correction changes (Broyden 1965)."""
         length = float(off @ off)
         if length > 1e-12:
             self.slopes = self.slopes + np.outer((value - self.at(off)) / length, off)
-        self.value = value
+        self.value, self.more = value, None
 
 
 @dataclass(frozen=True, eq=False)

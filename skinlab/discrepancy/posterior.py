@@ -95,7 +95,7 @@ def sample(fitter: Fitter, fit: Fit, errors: ErrorChoice, rng: np.random.Generat
     best, likeliest = np.concatenate(model.predict(fit.u)), fit.u
     density = _LogDensity(fitter, model, best, errors)
     draws: Draws | None = None
-    for left in range(_ROUNDS if model.bends else 0, -1, -1):
+    for left in range(_ROUNDS if model.corrected else 0, -1, -1):
         if draws is None or draws.effective < POSTERIOR.enough:
             try:
                 draws = follow_the_valley(

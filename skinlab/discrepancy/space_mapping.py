@@ -91,6 +91,8 @@ class MappedModel:
     # Where they are known besides the anchor (k,), and what they are there, by the unknowns.
     _known: list[tuple[Array, dict[Key, tuple[Array, Learnt]]]] = field(default_factory=list)
     _points: Points | None = None
+    # Of what relaxes, by the first of repeats, off the anchor by (k,).
+    _shares: list[tuple[Array, dict[int, Array]]] = field(default_factory=list)
 
     def exact(self) -> MappedModel:
         """Return the model on the mesh of record, without an anchor.
@@ -292,6 +294,7 @@ class MappedModel:
             return False
         last = self._anchor if slopes and self._ratios.keys() == ratios.keys() else None
         self._known = [] if last is None else [(last, self._ratios)]
+        self._shares = []
         self._ratios, self._anchor = ratios, u.copy()
         self._pass()
         if not memory or not self._anchor_courses(here, off):
@@ -301,34 +304,57 @@ class MappedModel:
         return True
 
     @property
-    def bends(self) -> bool:
-        """Whether there are corrections of which further points may tell more."""
-        return bool(self._ratios)
+    def points(self) -> Points:
+        """Where the corrections are known: those of what relaxes, if anything does."""
+        points = self._anchor_alone if self._courses or self._points is None else self._points
+        return points.also(np.array([off for off, _ in self._shares])) if self._shares else points
 
     @property
-    def points(self) -> Points:
-        """Where the corrections are known."""
-        assert self._points is not None
-        return self._points
+    def _anchor_alone(self) -> Points:
+        reaches, effects = self.unknowns.reaches, np.ones(len(self.unknowns.axes))
+        lengths = _LENGTH * np.concatenate([reaches, effects])
+        return Points.anchor(lengths, sloped=self.sloped)
 
     def learn(self, others: Array) -> None:
         """Solve the finite elements at further points (p, k), where they hold.
 
-        Between these and the anchor the corrections are smooth; what relaxes is not asked.
+        Between these and the anchor the corrections are smooth.
         """
-        for u in others:
+        for u in others if self._ratios else ():
             here = self._problems.at(u)
             found = None if here is None else self._ratios_at(u, here, list(self._ratios))
             if found is not None:
                 self._known.append((u, found))
         self._pass()
+        for u in others if self._courses else ():
+            here, off = self._problems.at(u), self.from_anchor(u[None])
+            shares = None if here is None else self._shares_at(here, off)
+            if shares is not None:
+                self._shares.append((off[0], shares))
+        for i, course in self._courses.items() if self._shares else ():
+            values = [self._as_in(i, shares[self._repeats[i]]) for _, shares in self._shares]
+            course.share.passes(
+                self.points, [Learnt(v, np.zeros_like(course.share.slopes)) for v in values]
+            )
+
+    def _shares_at(self, here: Problems, off: Array) -> dict[int, Array] | None:
+        """Return the shares of what relaxes, of repeats the first; None where they do not hold."""
+        found: dict[int, Array] = {}
+        for first in dict.fromkeys(self._repeats[i] for i in self._courses):
+            one = self._course(first, here, off)
+            if one is None:
+                return None
+            found[first] = one.share
+        return found
+
+    def _as_in(self, i: int, values: Array) -> Array:
+        """Return what is known of the first of a record's repeats, at the record's own times."""
+        time, since = (self.records[j].curve.time_s for j in (i, self._repeats[i]))
+        return np.asarray(np.interp(time - time[0], since - since[0], values))
 
     def _pass(self) -> None:
-        """Let the corrections pass through all that is known of them."""
-        lengths = _LENGTH * np.concatenate(
-            [self.unknowns.reaches, np.ones(len(self.unknowns.axes))]
-        )
-        self._points = Points.anchor(lengths)
+        """Let the corrections of solids pass through all that is known of them."""
+        self._points = replace(self._anchor_alone, sloped=True)
         if not self._known:
             return
         for u, _ in self._known:
@@ -381,10 +407,9 @@ class MappedModel:
             slopes = found[first]
             if slopes is None:
                 continue
-            time, since = self.records[i].curve.time_s, self.records[first].curve.time_s
             course.share.slopes = course.share.slopes.copy()  # another model may have the same
             for j, column in zip(steps, slopes.T, strict=True):
-                course.share.slopes[:, j] = np.interp(time - time[0], since - since[0], column)
+                course.share.slopes[:, j] = self._as_in(i, column)
         self._shares_sloped = True
 
     def _slopes_of_share(
@@ -535,8 +560,7 @@ class MappedModel:
         before, self._courses = self._courses, {}
         solved: dict[int, _Added] = {}  # of a repeat
         for i in sorted(set(self._twins)):
-            record, problem = self.records[i], here.problems[key_of(self.records[i])]
-            if not problem.prony:
+            if not here.problems[key_of(self.records[i])].prony:
                 continue
             first = self._repeats[i]
             if first not in solved:
@@ -544,16 +568,13 @@ class MappedModel:
                 if found is None:
                     return False
                 solved[first] = found
-            time, since = record.curve.time_s, self.records[first].curve.time_s
-            share, rest_mm = (
-                np.interp(time - time[0], since - since[0], v)
-                for v in (solved[first].share, solved[first].rest_mm)
-            )
+            one = solved[first]
+            share, rest_mm = self._as_in(i, one.share), self._as_in(i, one.rest_mm)
             if i in before:
                 learnt = before[i].share
                 learnt.move(share, off)
             else:
-                learnt = Learnt(share, np.zeros((len(time), len(off))))
+                learnt = Learnt(share, np.zeros((len(share), len(off))))
             self._courses[i] = Course(learnt, rest_mm)
         return True
 

@@ -54,7 +54,7 @@ class Draws:
         """Return the same draws of a target that has become another one, by little."""
         held = np.isfinite(self.log_target) & np.isfinite(log_target) & (self.weight > 0.0)
         log_weight = np.full(len(held), -np.inf)
-        log_weight[held] = np.log(self.weight[held]) + (log_target - self.log_target)[held]
+        log_weight[held] = np.log(self.weight[held]) + log_target[held] - self.log_target[held]
         weight = np.exp(log_weight - log_weight.max())
         return replace(self, weight=weight / weight.sum(), log_target=log_target)
 

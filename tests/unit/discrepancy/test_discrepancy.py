@@ -506,13 +506,36 @@ def test_anchored_where_an_effect_is_nothing_the_model_knows_of_it(table, effect
     assert np.abs(off).max() < 0.25 * did
 
 
+@pytest.mark.parametrize(
+    ("effects", "share"),
+    [(("surface_layer",), 0.02), (("viscoelasticity",), 0.02),
+     (("viscoelasticity", "natural_tension"), 0.05)],
+    ids=["solid", "relaxing", "both"],
+)  # fmt: skip
+def test_where_the_finite_elements_were_asked_the_model_is_theirs(table, effects, share):
+    """Also of what relaxes, whose share of the stress is no straight line either."""
+    fitter = fitter_of(measured({}, (RAMPS[0], STAIRS)), table)
+    unknowns = Unknowns(effects)
+    here = np.append(TRUE, np.full(len(unknowns.axes), 0.6))
+    there = here + np.append([0.3, -0.6, 0.08], np.full(len(unknowns.axes), 0.4))
+    model, exact = fitter.model(unknowns), fitter.model(unknowns)
+    assert model.anchor(here)
+    assert exact.anchor(there)
+    right, at_anchor = np.concatenate(exact.predict(there)), np.concatenate(model.predict(here))
+    before = np.abs(np.concatenate(model.predict(there)) - right).max()
+    model.learn(there[None])
+    assert np.abs(np.concatenate(model.predict(there)) - right).max() < share * before
+    assert model.points.doubt(model.from_anchor(there[None])) < 1e-4
+    np.testing.assert_allclose(np.concatenate(model.predict(here)), at_anchor, atol=1e-8)
+
+
 def test_anchors_a_hair_apart_tell_nothing_of_a_bend():
     """Their answers differ by what two meshes do, and a bend through them is that, enlarged."""
     lengths, at = np.array([2.0, 2.0]), np.array([[1.0, 0.0]])
     for apart, share in ((0.01, 0.001), (0.5, 1.0)):
         off = np.array([[apart, 0.0]])
         learnt, other = (Learnt(v * np.ones(3), np.zeros((3, 2))) for v in (0.0, 1e-4))
-        learnt.passes(Points.anchor(lengths).also(off), [other])
+        learnt.passes(Points.anchor(lengths, sloped=True).also(off), [other])
         assert learnt.at(off) == pytest.approx(1e-4 * share, rel=0.1, abs=1e-7)
         assert np.abs(learnt.at(at)).max() < 1e-3
 
@@ -534,7 +557,7 @@ def test_between_points_with_slopes_a_correction_is_smooth():
     corners = np.array([[1.0, 0.0], [0.0, 1.0], [1.0, 1.0]])
     middle = np.array([[0.45, 0.55]])
     for size in (1.0, 0.5):
-        points = Points.anchor(np.array([2.0, 2.0])).also(size * corners)
+        points = Points.anchor(np.array([2.0, 2.0]), sloped=True).also(size * corners)
         one = learnt(np.zeros(2))
         straight = one.at(size * middle) - smooth(size * middle)[0]
         one.passes(points, [learnt(at) for at in size * corners])
