@@ -117,7 +117,7 @@ def changed(skin: Skin, effects: Chosen, geometry: Geometry, cycle: int) -> Skin
     for effect, values in effects:
         if type(effect).change is not Effect.change:
             with EFFECTS.at_work(effect.name):
-                found: object = effect.change(problem, values, cycle)
+                found: object = effect.change(problem, dict(values), cycle)
                 if not isinstance(found, SkinProblem):
                     raise TypeError(
                         f"change returned a {type(found).__name__}; expected a SkinProblem"
@@ -139,7 +139,7 @@ def felt_along(effects: Chosen, path: PressurePath) -> PressurePath:
     """Return the same of effects that are checked."""
     for effect, values in sorted(effects, key=lambda pair: (pair[0].order, pair[0].name)):
         with EFFECTS.at_work(effect.name):
-            found: object = effect.felt(path, values)
+            found: object = effect.felt(path, dict(values))
             if not isinstance(found, PressurePath):
                 raise TypeError(f"felt returned a {type(found).__name__}; expected a PressurePath")
             path = found
@@ -265,12 +265,17 @@ class Sensors:
         return any(type(effect).when is not Effect.when for effect, _ in self.chain)
 
     def when(self, time_s: Array) -> Array:
-        """Return the times (n,) whose deflection is recorded at these times (n,)."""
+        """Return the times (n,) whose deflection is recorded at these times (n,).
+
+        What is installed is given copies, here and in `read`: it may change them in place.
+        """
         for effect, values in self.chain:
             with EFFECTS.at_work(effect.name):
-                found = effect.when(time_s, values)
-                if EFFECTS.origin(effect.name) is not None:
-                    _check_series("when", found, time_s.shape, time_s)
+                if EFFECTS.origin(effect.name) is None:
+                    time_s = effect.when(time_s, values)
+                    continue
+                found = effect.when(time_s.copy(), dict(values))
+                _check_series("when", found, time_s.shape, time_s)
                 time_s = found
         return time_s
 
@@ -281,10 +286,13 @@ class Sensors:
         since_s = time_s - first_s
         for effect, values in self.chain:
             with EFFECTS.at_work(effect.name):
-                found = effect.read_along(since_s, pressure_mbar, deflection_mm, values)
-                if EFFECTS.origin(effect.name) is not None:
-                    shape = np.broadcast_shapes(since_s.shape, deflection_mm.shape)
-                    _check_series("read_along", found, shape, deflection_mm)
+                given = since_s, pressure_mbar, deflection_mm
+                if EFFECTS.origin(effect.name) is None:
+                    deflection_mm = effect.read_along(*given, values)
+                    continue
+                found = effect.read_along(*(x.copy() for x in given), dict(values))
+                shape = np.broadcast_shapes(since_s.shape, deflection_mm.shape)
+                _check_series("read_along", found, shape, deflection_mm)
                 deflection_mm = found
         return deflection_mm
 

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from skinlab_example.warm_up import EFFECT as WARM_UP
 
+from skinlab import plugins
 from skinlab.extensions.effects import (
     it_depends_on_the_suction_alone_where_it_says_so,
     it_says_what_it_is,
@@ -16,10 +17,12 @@ from skinlab.extensions.effects import (
 from skinlab.extensions.laws import derivatives_are_the_energys
 from skinlab.extensions.rules import BrokenRuleError
 from skinlab.mechanics.effects import EFFECTS, all_effects
-from skinlab.mechanics.effects.base import Effect
+from skinlab.mechanics.effects.base import Effect, check_effect
 from skinlab.mechanics.effects.history import depends_on_history, shows_history
+from skinlab.mechanics.effects.model import Sensors
 from skinlab.mechanics.fem.skin import Prony
 from skinlab.mechanics.materials.base import Law, potential_of_j1
+from skinlab.mechanics.materials.checked import small_strains
 from skinlab.parameters import Nodes, Parameter, Search
 
 
@@ -168,3 +171,58 @@ def test_an_effect_depends_on_time_unless_it_says_no():
 def test_built_in_effects_that_say_no_depend_on_the_suction_alone():
     own = [one for one in all_effects() if EFFECTS.origin(one.name) is None]
     assert not [one.name for one in own if not one.needs_history and shows_history(one)]
+
+
+class InPlace(Effect):
+    name = meaning = formula = source = "in_place"
+    physical = False
+    parameters = (SIZE,)
+
+    def when(self, time_s, values):
+        time_s -= 0.1
+        return time_s
+
+    def read_along(self, since_s, pressure_mbar, deflection_mm, values):
+        pressure_mbar /= 10.0
+        values["size_um"] *= 1e-3
+        deflection_mm += values["size_um"] * pressure_mbar
+        return deflection_mm
+
+
+def test_what_an_installed_effect_changes_in_place_is_its_own(monkeypatch):
+    monkeypatch.setitem(EFFECTS._all(), "in_place", InPlace())
+    monkeypatch.setitem(EFFECTS._origins, "in_place", plugins.Origin("works", "1.0"))
+    sensors = Sensors.of({"in_place": {"size_um": 2.0}})
+    time, pressure, deflection = np.arange(3.0), np.full(3, 50.0), np.ones(3)
+    for _ in range(2):
+        assert sensors.when(time) == pytest.approx(np.arange(3.0) - 0.1)
+        assert sensors.read(time, pressure, deflection, 0.0) == pytest.approx(np.full(3, 1.01))
+    assert [*time, *pressure, *deflection] == [0, 1, 2, 50, 50, 50, 1, 1, 1]
+
+
+def test_what_an_installed_law_changes_in_place_is_its_own():
+    class Own(VerondaWestmann):
+        plugin = "plugin works, law 'veronda_westmann'"
+
+        def isochoric(self, i1, i2, j, parameters):
+            found = super().isochoric(i1, i2, j, parameters)
+            j *= 2.0
+            parameters["C1_MPa"] *= 2.0
+            return found
+
+    i1, i2, j = small_strains()
+    values = {"C1_MPa": np.array([0.01]), "C2": 6.0, "kappa_MPa": 0.1}
+    found = Own().potential(i1, i2, j, values)
+    right = VerondaWestmann().potential(*small_strains(), values | {"C1_MPa": 0.01})
+    assert np.array_equal(found.energy, right.energy)
+    assert np.array_equal(found.d_j, right.d_j)
+
+
+@pytest.mark.parametrize(
+    ("physical", "hook"), [(True, "read"), (True, "when"), (False, "change"), (False, "felt")]
+)
+def test_an_effect_with_a_hook_that_its_kind_is_never_asked_for_is_refused(physical, hook):
+    own = {"physical": physical, "parameters": (SIZE,), hook: lambda self, *given: given[0]}
+    own |= dict.fromkeys(("name", "meaning", "formula", "source"), "an_effect")
+    with pytest.raises(TypeError, match=f"its physical is {physical}, and it overrides {hook}, wh"):
+        check_effect(type("Of", (Effect,), own)())
