@@ -12,6 +12,7 @@ from skinlab.curves.pressure_path import PressurePath
 from skinlab.curves.program import MOST_PRESSURE_MBAR
 from skinlab.curves.program_check import followed
 from skinlab.curves.settings import AS_STATED, SAMPLES
+from skinlab.curves.suction import beyond_any_program
 from skinlab.errors import InputError
 from skinlab.exchange.importing.questions import Answers, Question
 from skinlab.exchange.importing.table import Table
@@ -20,7 +21,6 @@ from skinlab.text import counted
 Array = NDArray[np.float64]
 
 _FINELY = 2001  # times of a program at which its suction is looked at
-_BEYOND = 1.2  # times the highest pressure of any program: no reading that is a little off
 
 
 def suction(pressure_mbar: Array, table: Table) -> tuple[Array, list[str]]:
@@ -46,11 +46,6 @@ def suction(pressure_mbar: Array, table: Table) -> tuple[Array, list[str]]:
             "expected a suction"
         )
     return pressure_mbar, notes
-
-
-def beyond_any_program(pressure_mbar: Array) -> NDArray[np.bool_]:
-    """Return which readings (rows,) no program asks for, nor comes near: their unit is another."""
-    return np.asarray(np.abs(pressure_mbar) > _BEYOND * MOST_PRESSURE_MBAR)
 
 
 def follow_program(curve: Curve, answers: Answers) -> tuple[Curve, list[str]]:

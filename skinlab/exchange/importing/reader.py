@@ -17,12 +17,11 @@ from skinlab.curves.csv import COLUMNS, read_curve
 from skinlab.curves.curve import Curve, Setup
 from skinlab.curves.program_check import check_program
 from skinlab.curves.settings import SAMPLES
-from skinlab.curves.suction import check_suction
+from skinlab.curves.suction import beyond_any_program, check_suction
 from skinlab.errors import InputError
 from skinlab.exchange.importing.columns import Channel, find_channels
 from skinlab.exchange.importing.decode import decode
 from skinlab.exchange.importing.pressure import (
-    beyond_any_program,
     follow_program,
     from_the_start,
     suction,

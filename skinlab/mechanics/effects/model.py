@@ -286,11 +286,12 @@ class Sensors:
         since_s = time_s - first_s
         for effect, values in self.chain:
             with EFFECTS.at_work(effect.name):
-                given = since_s, pressure_mbar, deflection_mm
                 if EFFECTS.origin(effect.name) is None:
-                    deflection_mm = effect.read_along(*given, values)
+                    deflection_mm = effect.read_along(since_s, pressure_mbar, deflection_mm, values)
                     continue
-                found = effect.read_along(*(x.copy() for x in given), dict(values))
+                found = effect.read_along(
+                    since_s.copy(), pressure_mbar.copy(), deflection_mm.copy(), dict(values)
+                )
                 shape = np.broadcast_shapes(since_s.shape, deflection_mm.shape)
                 _check_series("read_along", found, shape, deflection_mm)
                 deflection_mm = found
