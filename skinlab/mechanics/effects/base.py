@@ -131,6 +131,7 @@ def check_effect(one: object) -> None:
     if not isinstance(one.order, int):
         raise TypeError(f"its order is {one.order!r}; expected an int")
     _check_physical(one)
+    _check_family(one)
     check_declared(one.parameters)
     for p in one.parameters:  # it is searched between its bounds; a law says where to search
         if p.spacing == "log" and not p.low > 0.0:
@@ -154,6 +155,19 @@ def _check_physical(one: Effect) -> None:
                 f"its physical is {one.physical}, and it overrides {name}, which such an effect is "
                 f"never asked for; expected {' or '.join(asked)}"
             )
+
+
+def _check_family(one: Effect) -> None:
+    """Check that an effect is a learned one (`learned.py`) where it says of which family it is.
+
+    Raises:
+        TypeError: it is not: it would neither be named nor learned.
+    """
+    if one.family:
+        needs(one, "x_name", "y_name", "abscissa", "function", "sentence")
+        texts(one, "x_name", "y_name")
+    elif hasattr(one, "own_of_each"):
+        raise TypeError("its family is empty; expected what it is called in a verdict")
 
 
 def _check_tried(one: Effect) -> None:

@@ -226,3 +226,14 @@ def test_an_effect_with_a_hook_that_its_kind_is_never_asked_for_is_refused(physi
     own |= dict.fromkeys(("name", "meaning", "formula", "source"), "an_effect")
     with pytest.raises(TypeError, match=f"its physical is {physical}, and it overrides {hook}, wh"):
         check_effect(type("Of", (Effect,), own)())
+
+
+def test_an_effect_of_a_family_that_is_no_learned_one_is_refused():
+    """It would neither be named nor learned: nobody would look for it."""
+    own = {"physical": False, "parameters": (SIZE,), "family": "frame"}
+    own |= dict.fromkeys(("name", "meaning", "formula", "source"), "an_effect")
+    with pytest.raises(TypeError, match="Of has no x_name, y_name, abscissa, function, sentence"):
+        check_effect(type("Of", (Effect,), own)())
+    nameless = type("Nameless", (type(EFFECTS.get("learned_frame")),), {"family": ""})
+    with pytest.raises(TypeError, match="its family is empty"):
+        check_effect(nameless())
