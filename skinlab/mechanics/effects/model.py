@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from skinlab.curves.pressure_path import PressurePath
 from skinlab.mechanics.effects import EFFECTS, checked, get_effect
 from skinlab.mechanics.effects.base import Effect, Effects
+from skinlab.mechanics.effects.installed import check_path, check_problem, check_series
 from skinlab.mechanics.fem.hermite import CubicHermite
 from skinlab.mechanics.fem.newton import StepSettings
 from skinlab.mechanics.fem.relaxation import SETTINGS as RELAXING
@@ -32,8 +33,6 @@ from skinlab.mechanics.fem.suction import (
 )
 
 Array = NDArray[np.float64]
-
-_HUGE = 1e9  # mm and s; squares of residuals overflow far above
 
 
 @dataclass(frozen=True)
@@ -117,11 +116,9 @@ def changed(skin: Skin, effects: Chosen, geometry: Geometry, cycle: int) -> Skin
     for effect, values in effects:
         if type(effect).change is not Effect.change:
             with EFFECTS.at_work(effect.name):
-                found: object = effect.change(problem, dict(values), cycle)
-                if not isinstance(found, SkinProblem):
-                    raise TypeError(
-                        f"change returned a {type(found).__name__}; expected a SkinProblem"
-                    )
+                found = effect.change(problem, dict(values), cycle)
+                if EFFECTS.origin(effect.name) is not None:
+                    check_problem(found)
                 problem = found
     return problem
 
@@ -139,9 +136,9 @@ def felt_along(effects: Chosen, path: PressurePath) -> PressurePath:
     """Return the same of effects that are checked."""
     for effect, values in sorted(effects, key=lambda pair: (pair[0].order, pair[0].name)):
         with EFFECTS.at_work(effect.name):
-            found: object = effect.felt(path, dict(values))
-            if not isinstance(found, PressurePath):
-                raise TypeError(f"felt returned a {type(found).__name__}; expected a PressurePath")
+            found = effect.felt(path, dict(values))
+            if EFFECTS.origin(effect.name) is not None:
+                check_path(found)
             path = found
     return path
 
@@ -275,7 +272,7 @@ class Sensors:
                     time_s = effect.when(time_s, values)
                     continue
                 found = effect.when(time_s.copy(), dict(values))
-                _check_series("when", found, time_s.shape, time_s)
+                check_series("when", found, time_s.shape, time_s)
                 time_s = found
         return time_s
 
@@ -293,21 +290,9 @@ class Sensors:
                     since_s.copy(), pressure_mbar.copy(), deflection_mm.copy(), dict(values)
                 )
                 shape = np.broadcast_shapes(since_s.shape, deflection_mm.shape)
-                _check_series("read_along", found, shape, deflection_mm)
+                check_series("read_along", found, shape, deflection_mm)
                 deflection_mm = found
         return deflection_mm
-
-
-def _check_series(what: str, found: object, shape: tuple[int, ...], given: Array) -> None:
-    """Check what an installed effect makes of a series: as long, and finite where that is."""
-    if not isinstance(found, np.ndarray) or found.shape != shape:
-        got = getattr(found, "shape", None)
-        told = type(found).__name__ if got is None else f"an array of the shape {got}"
-        raise TypeError(f"{what} returned {told}; expected an array of the shape {shape}")
-    if found.dtype.kind not in "fiu":
-        raise TypeError(f"{what} returned an array of {found.dtype}; expected numbers")
-    if not ((np.abs(found) < _HUGE) | ~np.isfinite(given)).all():
-        raise ValueError(f"{what} returned a value that is not finite, or beyond {_HUGE:g}")
 
 
 @dataclass(frozen=True)

@@ -10,6 +10,8 @@ import pytest
 from skinlab_example.warm_up import EFFECT as WARM_UP
 
 from skinlab import plugins
+from skinlab.curves.pressure_path import PressurePath
+from skinlab.errors import BrokenPluginError
 from skinlab.extensions.effects import (
     it_depends_on_the_suction_alone_where_it_says_so,
     it_says_what_it_is,
@@ -19,8 +21,9 @@ from skinlab.extensions.rules import BrokenRuleError
 from skinlab.mechanics.effects import EFFECTS, all_effects
 from skinlab.mechanics.effects.base import Effect, check_effect
 from skinlab.mechanics.effects.history import depends_on_history, shows_history
-from skinlab.mechanics.effects.model import Sensors
-from skinlab.mechanics.fem.skin import Prony
+from skinlab.mechanics.effects.model import Sensors, felt_path, problem_of, solve_skin
+from skinlab.mechanics.fem.skin import Layer, Prony, Skin
+from skinlab.mechanics.fem.suction import Geometry
 from skinlab.mechanics.materials.base import Law, potential_of_j1
 from skinlab.mechanics.materials.checked import small_strains
 from skinlab.parameters import Nodes, Parameter, Search
@@ -237,3 +240,50 @@ def test_an_effect_of_a_family_that_is_no_learned_one_is_refused():
     nameless = type("Nameless", (type(EFFECTS.get("learned_frame")),), {"family": ""})
     with pytest.raises(TypeError, match="its family is empty"):
         check_effect(nameless())
+
+
+PATH = PressurePath((0.0, 1.0), (0.0, 10.0))
+
+
+@pytest.mark.parametrize(
+    ("own", "says"),
+    [
+        ({"stiffness": np.array([0.9])}, "stiffness is array"),  # the compiled loops crashed
+        ({"prony": [Prony(0.1, 1.0)]}, "prony is .*; expected a tuple of Prony"),
+        ({"prony": (Prony(0.1, -1.0),)}, "tau_s is -1.0; expected a number above 0"),
+        ({"below": (Layer(math.nan, 0.1, 0.1),)}, "thickness_mm of a layer is nan; expected a num"),
+        ({"terms": ("X3",)}, "terms is .*; expected a tuple of Term"),
+        ({"pressure_mbar": [0.0, 10.0]}, "pressure_mbar of the path is a list; expected a tuple"),
+    ],
+)
+def test_what_an_installed_effect_makes_of_the_skin_is_checked(monkeypatch, own, says):
+    class Solid(Effect):
+        name = meaning = formula = source = "solid"
+        physical = True
+        parameters = (SIZE,)
+
+        def change(self, problem, values, cycle):
+            return problem if "pressure_mbar" in own else replace(problem, **own)
+
+        def felt(self, path, values):
+            return replace(path, **own) if "pressure_mbar" in own else path
+
+    monkeypatch.setitem(EFFECTS._all(), "solid", Solid())
+    monkeypatch.setitem(EFFECTS._origins, "solid", plugins.Origin("works", "1.0"))
+    given = {"solid": {"size_um": 2.0}}
+    with pytest.raises(BrokenPluginError, match=f"plugin works, effect 'solid': broke .*: {says}"):
+        solve_skin(
+            problem_of(Skin((0.04, 1.5, 0.32)), given, Geometry(6.0, 1.0)), felt_path(given, PATH)
+        )
+
+
+def test_a_law_that_answers_lists_is_named():
+    class Listed(VerondaWestmann):
+        plugin = "plugin works, law 'veronda_westmann'"
+
+        def isochoric(self, i1, i2, j, parameters):
+            found = super().isochoric(i1, i2, j, parameters)
+            return replace(found, energy=found.energy.tolist())
+
+    with pytest.raises(BrokenPluginError, match="energy is a list; expected an array of numbers"):
+        Listed().potential(*small_strains(), {"C1_MPa": 0.01, "C2": 6.0, "kappa_MPa": 0.1})
