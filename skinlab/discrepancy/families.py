@@ -405,9 +405,10 @@ def describe_learned(
         left = np.concatenate([left_mm for _, left_mm in seen.left])
         share_of_gap = 0.5e-6 * sum(k.sd**2 for k in known) / float(np.mean(left**2))
         share_of_gap = min(share_of_gap, 1.0)
-    x = one.abscissa(seen)
-    draws = np.array([one.function(x, posterior.unknowns.values(u)[one.name]) for u in posterior.u])
-    draws = one.shown(x, draws)
+    each = [posterior.unknowns.values(u)[one.name] for u in posterior.u]
+    with EFFECTS.at_work(one.name):
+        x = one.abscissa(seen)
+        draws = one.shown(x, np.array([one.function(x, values) for values in each]))
     low, y, high = (_quantile(draws, posterior.weight, q) for q in (0.05, 0.5, 0.95))
     return Learned(one, x, y, low, high, share_of_gap, _nearest(base, found, candidate))
 

@@ -13,6 +13,7 @@ from skinlab import plugins
 from skinlab.curves.pressure_path import PressurePath
 from skinlab.errors import BrokenPluginError
 from skinlab.extensions.effects import (
+    a_learned_one_has_a_function,
     it_depends_on_the_suction_alone_where_it_says_so,
     it_says_what_it_is,
 )
@@ -287,3 +288,19 @@ def test_a_law_that_answers_lists_is_named():
 
     with pytest.raises(BrokenPluginError, match="energy is a list; expected an array of numbers"):
         Listed().potential(*small_strains(), {"C1_MPa": 0.01, "C2": 6.0, "kappa_MPa": 0.1})
+
+
+@pytest.mark.parametrize(
+    ("own", "says"),
+    [
+        ({"range_of": lambda self, seen: math.nan}, "range_of returned nan"),
+        ({"abscissa": lambda self, seen: np.array([])}, r"its abscissa is \[\]"),
+        ({"function": lambda self, at, values: at[:3]}, r"its function has the shape \(3,\)"),
+        ({"sentence": lambda self, x, y: None}, "its sentence is None"),
+    ],
+)
+def test_what_a_learned_effect_has_besides_is_tried(own, says):
+    frame = type(EFFECTS.get("learned_frame"))
+    a_learned_one_has_a_function(frame())
+    with pytest.raises(BrokenRuleError, match=says):
+        a_learned_one_has_a_function(type("Of", (frame,), own)())
