@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+import os
+import warnings
 from dataclasses import replace
 
 import numpy as np
@@ -304,3 +306,21 @@ def test_what_a_learned_effect_has_besides_is_tried(own, says):
     a_learned_one_has_a_function(frame())
     with pytest.raises(BrokenRuleError, match=says):
         a_learned_one_has_a_function(type("Of", (frame,), own)())
+
+
+def test_what_an_import_changes_for_everybody_is_undone(tmp_path):
+    """numpy.seterr(all="raise") in a plugin's module had ended a measurement."""
+
+    class Entry:
+        name, dist = "warm_up", None
+
+        def load(self):
+            np.seterr(all="raise")
+            warnings.simplefilter("error")
+            os.chdir(tmp_path)
+            return WARM_UP
+
+    before = np.geterr(), list(warnings.filters), os.getcwd()
+    own = plugins.Registry("effect", "skinlab.none", "EFFECT", "skinlab.none", check_effect)
+    assert own._take(Entry()) is None
+    assert (np.geterr(), list(warnings.filters), os.getcwd()) == before
