@@ -344,7 +344,8 @@ def _columns(said: _Table) -> dict[str, Column]:
         offset = column.take("offset", float, 0.0)
         if not (math.isfinite(scale) and scale and math.isfinite(offset)):
             raise _BadFieldError(
-                f"columns.{name}.scale is {scale}, offset {offset}; expected finite numbers"
+                f"columns.{name}.scale is {scale}, offset {offset}; expected finite numbers, "
+                "and a scale that is not 0"
             )
         column.end()
         found[name] = Column(unit, scale, offset)

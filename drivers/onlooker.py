@@ -6,6 +6,8 @@ sent as well; nobody knows whether it works but by the pressure.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from drivers.capabilities import CANNOT_VENT
 from drivers.dose import Dose, DoseMeter
 from drivers.events import (
@@ -42,6 +44,7 @@ class Onlooker:
         self._alarm: str | None = None
         self._said: set[str] = set()  # since the suction began
         self._dose = DoseMeter()
+        self._by_host = DoseMeter()  # the same by the host's clock: the other's rate may be wrong
         self._pulls = False  # at the last reading
         self._read_at = 0.0  # host time of it
         self._step_s = 0.0
@@ -75,7 +78,7 @@ class Onlooker:
 
     def carry_dose(self, dose: Dose) -> None:
         """Go on from what the site has had before."""
-        self._dose = DoseMeter(dose)
+        self._dose, self._by_host = DoseMeter(dose), DoseMeter(dose)
 
     def refusal(self, command: Command) -> str | None:
         """Nothing can be commanded: there is nothing to refuse."""
@@ -142,6 +145,7 @@ class Onlooker:
     def _on_sample(self, sample: Sample, now: float) -> list[SafetyEvent]:
         limits, pressure = self._limits, sample.pressure_mbar
         self._dose.add(sample)
+        self._by_host.add(replace(sample, device_time_s=now))
         self._unread = 0
         passed_s, self._read_at = now - self._read_at, now
         pulls = pressure >= limits.vent_pressure_mbar
@@ -166,7 +170,7 @@ class Onlooker:
             return self._raise(
                 "suction", f"suction for more than {limits.max_suction_s:g} s without a pause"
             )
-        had = self.dose.suction_mbar_s
+        had = max(self.dose.suction_mbar_s, self._by_host.total.suction_mbar_s)
         if had > limits.max_dose_mbar_s:
             return self._raise(
                 "dose",

@@ -230,6 +230,7 @@ class Space:
         def of(values: tuple[float, ...]) -> Array:
             at = np.array(values, dtype=float)
             at[logs] = np.log(at[logs])
+            at.flags.writeable = False  # it is kept, and methods of others are given it
             return at
 
         return of(self.low), of(self.high)
@@ -240,6 +241,7 @@ class Space:
         low, high = np.array(self.low, dtype=float), np.array(self.high, dtype=float)
         low[self._ratios] *= low[self.scale]
         high[self._ratios] *= high[self.scale]
+        low.flags.writeable = high.flags.writeable = False
         return low, high
 
     def coordinates(self, parameters: Array) -> Array:

@@ -199,7 +199,7 @@ class Registry(Generic[T]):
             by = "is built in" if other is None else f"comes from {other.distribution}"
             return f"{who}: left out, because one of this name {by}"
         try:
-            with contextlib.redirect_stdout(sys.stderr):  # it may print, and a document may follow
+            with _as_it_was():
                 one = entry.load()
             self._check(one)
             if one.name != entry.name:
@@ -234,6 +234,25 @@ def blaming() -> Iterator[None]:
         if why is None:
             raise
         raise BrokenPluginError(why) from error
+
+
+@contextlib.contextmanager
+def _as_it_was() -> Iterator[None]:
+    """Undo what an import may change for everybody: answers to overflow, warnings, the folder.
+
+    What it prints goes to standard error: a document may follow.
+    """
+    import warnings
+
+    import numpy as np  # slow to import
+
+    with contextlib.ExitStack() as stack:
+        with contextlib.suppress(OSError):  # a folder that is gone
+            stack.callback(os.chdir, os.getcwd())
+        stack.enter_context(contextlib.redirect_stdout(sys.stderr))
+        stack.enter_context(warnings.catch_warnings())
+        stack.enter_context(np.errstate())
+        yield
 
 
 def _built_in(package: str, attribute: str) -> Iterator[Any]:

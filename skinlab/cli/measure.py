@@ -188,8 +188,10 @@ def run(
     from skinlab.acquisition.gc_tuning import shorten_pauses
     from skinlab.acquisition.session_run import run_session
     from skinlab.inference.result import Identification, document
+    from skinlab.recording.session import read_session
     from skinlab.recording.stream import Flagged, Happened, Identified
     from skinlab.report.outage import outage_words
+    from skinlab.report.session_text import clock_warning
     from skinlab.report.text import describe, describe_dose
 
     results: list[Identification] = []
@@ -220,6 +222,8 @@ def run(
         else:
             echo(f"{describe_dose(dose)}; limit {limit_mbar_s:g} mbar·s")
             echo(f"session: {path}")
+        if onlooker is not None and (words := clock_warning(read_session(path))):
+            echo(f"skinlab: {words}", err=True)
 
     run_session(
         port,

@@ -25,6 +25,7 @@ from skinlab.text import counted
 
 COLUMNS = ("time_s", "pressure_mbar", "deflection_mm")
 SEGMENT = "segment"
+APERTURE = "aperture_mm"
 IMPORT = "`skinlab import` makes a session of what other software exported"
 _COMMA = f"; is the decimal sign a comma? Use a point; {IMPORT}"
 _LARGEST = {"time_s": 1e10, "pressure_mbar": 1e4, "deflection_mm": 100.0}  # beyond, no reading
@@ -38,7 +39,7 @@ def read_curve(path: Path, setup: Setup) -> Curve:
 
     Raises:
         InputError: no such file, no UTF-8, a missing column, a value that is no finite number, a
-            time that does not increase, or fewer than 5 samples; names the line.
+            time that does not increase, another opening, or fewer than 5 samples; names the line.
     """
     try:
         content = read_whole(path)
@@ -48,7 +49,7 @@ def read_curve(path: Path, setup: Setup) -> Curve:
     except OSError as error:
         raise InputError(f"{path}: {error.strerror or error}") from None
     try:
-        rows, more = _rows(path, text)
+        rows, more = _rows(path, text, setup.aperture_mm)
     except csv.Error as error:
         raise InputError(f"{path}: {error}; expected a curve CSV") from None
     if len(rows) < SAMPLES.fewest:
@@ -81,8 +82,8 @@ def _segments(texts: Sequence[str], count: int) -> NDArray[np.intp] | None:
     return found if found[-1] <= count and (np.diff(found) >= 0).all() else None
 
 
-def _rows(path: Path, text: str) -> tuple[list[tuple[float, ...]], list[str]]:
-    """Return the rows, and what their column `segment` says."""
+def _rows(path: Path, text: str, aperture_mm: float) -> tuple[list[tuple[float, ...]], list[str]]:
+    """Return the rows, and what their column `segment` says; one of the opening has to agree."""
     lines = csv.reader(text.splitlines())
     header = [name.strip() for name in next(lines, [])]
     missing = [name for name in COLUMNS if name not in header]
@@ -100,6 +101,7 @@ def _rows(path: Path, text: str) -> tuple[list[tuple[float, ...]], list[str]]:
     where = [header.index(name) for name in COLUMNS]
     rows: list[tuple[float, ...]] = []
     segment = header.index(SEGMENT) if header.count(SEGMENT) == 1 else None
+    opening = header.index(APERTURE) if header.count(APERTURE) == 1 else None
     segments: list[str] = []
     for fields in lines:
         line = lines.line_num
@@ -110,6 +112,8 @@ def _rows(path: Path, text: str) -> tuple[list[tuple[float, ...]], list[str]]:
             raise InputError(
                 f"{path}: line {line}: {len(fields)} fields, expected {len(header)}{hint}"
             )
+        if opening is not None:
+            _check_opening(path, line, fields[opening], aperture_mm)
         values = tuple(
             _number(path, line, name, fields[k]) for name, k in zip(COLUMNS, where, strict=True)
         )
@@ -122,6 +126,23 @@ def _rows(path: Path, text: str) -> tuple[list[tuple[float, ...]], list[str]]:
         if segment is not None:
             segments.append(fields[segment].strip())
     return rows, segments
+
+
+def _check_opening(path: Path, line: int, text: str, aperture_mm: float) -> None:
+    """Refuse a row of another opening than the curve's: it would be one curve in silence.
+
+    Raises:
+        InputError: it is; names the line.
+    """
+    try:
+        other = abs(number_in(text) - aperture_mm) > 1e-6
+    except ValueError:
+        return
+    if other:
+        raise InputError(
+            f"{path}: line {line}: {APERTURE} is {text.strip()}, and the curve is stated to be of "
+            f"{aperture_mm:g}; expected one curve of one opening in a file"
+        )
 
 
 def _number(path: Path, line: int, name: str, text: str) -> float:

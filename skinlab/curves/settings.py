@@ -31,6 +31,8 @@ class SuctionRules:
     """Readings below that; fewer may be glitches."""
     nearly_all: float = 0.9
     """Of those that are not about zero."""
+    beyond: float = 1.2
+    """Times the highest pressure of any program: no reading that is a little off."""
     high: float = 0.9
     """So many of the deflections have to be below the opening's diameter; others are glitches."""
     little: float = 0.25

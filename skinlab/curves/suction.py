@@ -3,20 +3,29 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from skinlab.curves.curve import Curve
+from skinlab.curves.program import MOST_PRESSURE_MBAR
 from skinlab.curves.settings import SUCTION
 from skinlab.errors import InputError
 
 
 def check_suction(curve: Curve) -> None:
-    """Refuse a curve whose suction is recorded as a pressure below zero.
+    """Refuse a curve whose suction is recorded as a pressure below zero, or in another unit.
 
     Raises:
-        InputError: nearly all readings that are not about zero are below it; names the curve.
+        InputError: of the readings that are not about zero nearly all are below it, or most are
+            beyond any program; names the curve.
     """
     pressure = curve.pressure_mbar
     far = pressure[np.abs(pressure) > SUCTION.about_zero_mbar]
+    if 2 * int(beyond_any_program(far).sum()) > len(far):
+        raise InputError(
+            f"{curve.name}: pressure_mbar goes to {far[np.argmax(np.abs(far))]:g}; expected a "
+            f"suction of at most {MOST_PRESSURE_MBAR:g} mbar, below that of the room (is its unit "
+            "right?)"
+        )
     below = int((far < 0).sum())
     if below < SUCTION.fewest_below or below < SUCTION.nearly_all * len(far):
         return
@@ -24,6 +33,11 @@ def check_suction(curve: Curve) -> None:
         f"{curve.name}: pressure_mbar goes down to {pressure.min():g}; expected a suction, which "
         "is positive: change its sign, or let `skinlab import` do so"
     )
+
+
+def beyond_any_program(pressure_mbar: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Return which readings (n,) no program asks for, nor comes near: their unit is another."""
+    return np.asarray(np.abs(pressure_mbar) > SUCTION.beyond * MOST_PRESSURE_MBAR)
 
 
 def check_height(curve: Curve) -> None:

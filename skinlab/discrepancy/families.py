@@ -8,8 +8,10 @@ families that promise most are fitted with the whole model, and judged as names 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,12 +30,15 @@ from skinlab.discrepancy.search_workers import at_wall
 from skinlab.discrepancy.settings import ERRORS, NAMES, SEARCH
 from skinlab.discrepancy.starts import middle_of
 from skinlab.discrepancy.unknowns import Known, Unknowns
+from skinlab.errors import BrokenPluginError
 from skinlab.inference.covariance import Covariance
-from skinlab.mechanics.effects import all_effects
+from skinlab.mechanics.effects import EFFECTS, all_effects
 from skinlab.mechanics.effects.learned import PRIOR_SIZES, LearnedEffect, Seen
 from skinlab.mechanics.fem.suction import SCREENING_MESH
+from skinlab.plugins import reason, warn
 
 Array = NDArray[np.float64]
+A = TypeVar("A")
 
 _STEP = 0.3  # typical sizes: of differences about the model as it is
 
@@ -68,7 +73,10 @@ def with_family(before: Unknowns, one: LearnedEffect, seen: Seen, scale: float) 
     known = [k for k in before.known if k.effect != one.name]
     for p in one.parameters:
         if p.zero is None:
-            within = float(np.clip(one.range_of(seen), p.low, p.high))
+            reach = one.range_of(seen)
+            if not np.isfinite(reach):
+                raise ValueError(f"range_of returned {reach}; expected a finite number")
+            within = float(np.clip(reach, p.low, p.high))
             known.append(Known(one.name, p.name, within, 0.0))
         else:
             sd = scale * PRIOR_SIZES * abs(p.typical - p.zero)
@@ -87,25 +95,28 @@ def find_families(search: Search, found: Found, least: float = 0.0) -> Found:
     seen = seen_in(found.records, base.fit)
     own = set(base.effects)
     promises = [
-        _Promise.of(search, base.fit, one, seen) for one in functions() if one.name not in own
+        _asked(one, partial(_Promise.of, search, base.fit, one, seen))
+        for one in functions()
+        if one.name not in own
     ]
     promising = sorted((p for p in promises if p is not None), key=lambda p: -p.log_evidence)
     plain = float(search.errors.log_evidences([search.linear(base.fit)])[0])
     worth = [p for p in promising[: SEARCH.families] if p.log_evidence > plain]
     if not worth or worth[0].log_evidence - plain < least * LOG10:
         return replace(found, candidates=[])
-    fitted = [(p, fit) for p in worth if (fit := _fit(search, base.fit, p, seen)) is not None]
+    fits = [(p, _asked(p.family, partial(_fit, search, base.fit, p, seen))) for p in worth]
+    fitted = [(p, fit) for p, fit in fits if fit is not None]
     if not fitted:
         return replace(found, candidates=[])
     scaled = [_scaled(search, fit, p.family, seen) for p, fit in fitted]
     best = max(range(len(scaled)), key=lambda i: scaled[i][1])
-    fits = [
+    again = [
         _fitted_again(search, fit, first)
         for (fit, _), (_, first) in zip(scaled, fitted, strict=True)
     ]
-    search.errors = search.errors_with(fits[best])
+    search.errors = search.errors_with(again[best])
     scaled = [
-        _scaled(search, fit, p.family, seen) for fit, (p, _) in zip(fits, fitted, strict=True)
+        _scaled(search, fit, p.family, seen) for fit, (p, _) in zip(again, fitted, strict=True)
     ]
     plain = float(search.errors.log_evidences([search.linear(base.fit)])[0])
     odds = -np.log10(max(len(promises), 2))
@@ -121,6 +132,23 @@ def find_families(search: Search, found: Found, least: float = 0.0) -> Found:
     return replace(found, candidates=candidates, implausible=search.errors.implausible)
 
 
+def _asked(one: LearnedEffect, ask: Callable[[], A | None]) -> A | None:
+    """Return what is asked of a family; an installed one that breaks down is told of, and has none.
+
+    The others are still looked at.
+    """
+    try:
+        return ask()
+    except Exception as error:
+        who = EFFECTS.who(one.name)
+        if who is None:
+            raise
+        why = error.__cause__ if isinstance(error, BrokenPluginError) else error
+        assert why is not None
+        warn(f"{who}: broke down, and is left out: {reason(why)}")
+        return None
+
+
 def against_families(search: Search, base: Candidate, best: Candidate) -> Trial:
     """Return whether no smooth function is 20 times likelier, or needed beside an explanation.
 
@@ -133,11 +161,12 @@ def against_families(search: Search, base: Candidate, best: Candidate) -> Trial:
     errors, fits = search.errors, (base.fit, best.fit)
     seen, own = seen_in(search.fitter.records, base.fit), set(best.effects)
     offered = [one for one in functions() if one.name not in own]
-    asked = [one for one in offered if not _of_the_solid(search, base.fit, one, seen)]
+    solid = [_asked(one, partial(_of_the_solid, search, base.fit, one, seen)) for one in offered]
+    asked = [one for one, yes in zip(offered, solid, strict=True) if yes is not None and not yes]
     ones = [search.linear(fit) for fit in fits]
     named: list[LearnedEffect] = []
     for one in asked:
-        each = [_shapes(search, fit, one, seen) for fit in fits]
+        each = [_asked(one, partial(_shapes, search, fit, one, seen)) for fit in fits]
         if all(shapes is not None for shapes in each):
             named.append(one)
             for linear, shapes in zip(ones[:2], each, strict=True):
@@ -161,9 +190,11 @@ def against_families(search: Search, base: Candidate, best: Candidate) -> Trial:
                 scaled = ones[2 + (2 * i + 1) * len(SEARCH.scales) + likeliest]
                 if _change_um(errors.looks[-1].mode, ones[1], scaled) < NAMES.practical_um:
                     continue
-            promise = _Promise.of(search, fits[which], named[i], seen)
-            assert promise is not None
-            ahead_of_it = _fitted_log10(search, fits, which, promise, seen)
+            ahead_of_it = _asked(
+                named[i], partial(_fitted_log10, search, fits, which, named[i], seen)
+            )
+            if ahead_of_it is None:
+                continue
             gain = ahead_of_it + odds - (against - float(plain))
             if gain >= NAMES.tie:
                 kind = named[i].family.replace("_", " ")
@@ -178,18 +209,20 @@ def against_families(search: Search, base: Candidate, best: Candidate) -> Trial:
 
 
 def _fitted_log10(
-    search: Search, fits: tuple[Fit, Fit], which: int, promise: _Promise, seen: Seen
+    search: Search, fits: tuple[Fit, Fit], which: int, one: LearnedEffect, seen: Seen
 ) -> float:
     """Return log10 evidence, over the model as it is, of a family fitted beside one of two fits.
 
     They are those of the model as it is and of an explanation. A function that comes not near the
     explanation's cost is no rival: its fit ends early.
     """
+    promise = _Promise.of(search, fits[which], one, seen)
+    assert promise is not None
     found = _fit(search, fits[which], promise, seen, Limit.at(fits[1].cost + SEARCH.far))
     if found is None:
         return -np.inf
     plain = float(search.errors.log_evidences([search.linear(fits[0])])[0])
-    return (_scaled(search, found, promise.family, seen)[1] - plain) / LOG10
+    return (_scaled(search, found, one, seen)[1] - plain) / LOG10
 
 
 def _change_um(errors: Covariance, one: Linearised, more: Linearised) -> float:
@@ -372,9 +405,10 @@ def describe_learned(
         left = np.concatenate([left_mm for _, left_mm in seen.left])
         share_of_gap = 0.5e-6 * sum(k.sd**2 for k in known) / float(np.mean(left**2))
         share_of_gap = min(share_of_gap, 1.0)
-    x = one.abscissa(seen)
-    draws = np.array([one.function(x, posterior.unknowns.values(u)[one.name]) for u in posterior.u])
-    draws = one.shown(x, draws)
+    each = [posterior.unknowns.values(u)[one.name] for u in posterior.u]
+    with EFFECTS.at_work(one.name):
+        x = one.abscissa(seen)
+        draws = one.shown(x, np.array([one.function(x, values) for values in each]))
     low, y, high = (_quantile(draws, posterior.weight, q) for q in (0.05, 0.5, 0.95))
     return Learned(one, x, y, low, high, share_of_gap, _nearest(base, found, candidate))
 

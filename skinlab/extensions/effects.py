@@ -14,6 +14,7 @@ from skinlab.extensions.rules import Kind, expect
 from skinlab.mechanics.effects import EFFECTS, Effect, Parameter
 from skinlab.mechanics.effects.base import Array, Values
 from skinlab.mechanics.effects.history import shows_history
+from skinlab.mechanics.effects.learned import LearnedEffect, Seen
 from skinlab.mechanics.effects.model import problem_of, response
 from skinlab.mechanics.fem.element import QUAD8_FULL
 from skinlab.mechanics.fem.skin import Skin, prepare
@@ -137,6 +138,24 @@ def the_tangent_is_exact(effect: Effect) -> None:
     expect(off < 1e-3, f"the tangent is off by {100 * off:.2g} %")
 
 
+def a_learned_one_has_a_function(effect: Effect) -> None:
+    """A learned one has a range, a function along it, and a sentence that says what it is."""
+    if not isinstance(effect, LearnedEffect):
+        return
+    seen = Seen(1.0, 60.0, float(_TIMES[-1]), 2, (4.0, 6.0), ((_TIMES, np.sin(_TIMES)),))
+    reach = effect.range_of(seen)
+    expect(np.isfinite(reach), f"range_of returned {reach}")
+    at = np.asarray(effect.abscissa(seen))
+    expect(at.ndim == 1 and len(at) > 1 and np.isfinite(at).all(), f"its abscissa is {at}")
+    found = np.asarray(effect.function(at, effect.typical))
+    expect(found.shape == at.shape, f"its function has the shape {found.shape}, not {at.shape}")
+    expect(np.isfinite(found).all(), "its function is not finite")
+    drawn = np.shape(effect.shown(at, found[None]))
+    expect(drawn == (1, *at.shape), f"what is shown has the shape {drawn}, not {(1, *at.shape)}")
+    said: object = effect.sentence(at, found)
+    expect(isinstance(said, str) and said.strip(), f"its sentence is {said!r}")
+
+
 def tangent_error(effects: Mapping[str, Values]) -> tuple[float, float]:
     """Return by which share the tangent is off central differences, and the order of that."""
     prepared = prepare(problem_of(_SKIN, effects, _GEOMETRY, cycle=2), _COARSE)
@@ -209,6 +228,7 @@ KIND = Kind(
         it_depends_on_the_suction_alone_where_it_says_so,
         the_screening_mesh_sees_it,
         the_tangent_is_exact,
+        a_learned_one_has_a_function,
     ),
     (
         "name",

@@ -11,7 +11,7 @@ from skinlab.extensions.rules import Kind, expect
 from skinlab.inference.covariance import Covariance
 from skinlab.inference.error_models import ERROR_MODELS
 from skinlab.inference.error_models.base import ErrorModel, Look, Part
-from skinlab.inference.error_models.checked import checked_part
+from skinlab.inference.error_models.checked import checked_part, own_look
 from skinlab.inference.samples import Samples
 
 _SIZES = (0.1, 1.0, 10.0)  # times a parameter's median
@@ -71,7 +71,7 @@ def a_larger_one_is_larger(model: ErrorModel) -> None:
 def the_same_look_the_same_part(model: ErrorModel) -> None:
     """The same samples have the same part."""
     for look in _looks():
-        one, other = model.part(look), model.part(look)
+        one, other = model.part(own_look(look)), model.part(own_look(look))
         expect((one is None) == (other is None), "it is there, and then not")
         if one is not None and other is not None:
             expect([*one.parameters] == [*other.parameters], "its parameters change")
@@ -94,7 +94,7 @@ def _size(part: Part, values: list[float]) -> float:
 def _parts(model: ErrorModel) -> Iterator[tuple[Look, Part]]:
     """Yield its parts, checked as they are at work."""
     for look in _looks():
-        part: object = model.part(look)
+        part: object = model.part(own_look(look))
         if part is not None:
             yield look, checked_part(model.name, part, len(look.samples))
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from datetime import UTC, datetime
 from pathlib import Path
 
+from drivers.limits import DEFAULT_LIMITS
 from skinlab.errors import InputError
 from skinlab.mechanics.names import plain
 from skinlab.recording.audit import entries
@@ -99,6 +100,18 @@ def _describe_clocks(clocks: list[ClockReading]) -> str:
     return (
         f"the instrument's clock by this computer's: {said} (± {100 * known:.2g} %); "
         "times and rates of curves are by the instrument's"
+    )
+
+
+def clock_warning(session: Session) -> str | None:
+    """Return what is to be said where the clock of an instrument that nobody controls is wrong."""
+    most = DEFAULT_LIMITS.clock_fraction
+    off = [c for c in _clocks(session) if c and abs(c.rate - 1.0) > most + c.rate_uncertainty]
+    if not off:
+        return None
+    return (
+        f"{_describe_clocks(off)}, and so is the dose: are rate_hz and the unit of the time in its "
+        "dialect right?"
     )
 
 

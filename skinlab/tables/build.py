@@ -9,7 +9,7 @@ from skinlab.mechanics.fem.suction import MESH_OF_RECORD, SOLVER_VERSION
 from skinlab.tables.meshes import MESHES
 from skinlab.tables.parallel_build import How, compute_rows
 from skinlab.tables.table import Spec, Table
-from skinlab.versions import versions
+from skinlab.versions import only_plugins, versions
 
 HERE = How()
 
@@ -21,9 +21,10 @@ def build(spec: Spec, how: How = HERE) -> Table:
         InputError: see `compute_rows`.
     """
     entries, width = spec.rows
-    identity = f"{spec.identity} {SOLVER_VERSION}"
+    made_with = versions()
+    identity = " ".join([spec.identity, SOLVER_VERSION, *only_plugins(made_with).values()])
     rows = compute_rows(spec.row, identity, entries, width, how)
-    return spec.table(rows, SOLVER_VERSION, versions())
+    return spec.table(rows, SOLVER_VERSION, made_with)
 
 
 def rebuilt_differences(table: Table, samples: int, seed: int) -> list[str]:

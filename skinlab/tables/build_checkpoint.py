@@ -65,7 +65,8 @@ class KeptRows:
         if self._file.readline() != self._head:
             self._file.close()
             raise InputError(
-                f"{path}: rows of another build; expected those of this spec and solver to resume"
+                f"{path}: rows of another build; expected those of this spec, solver "
+                "and state of the plugins to resume"
             )
 
     def found(self) -> Iterator[tuple[int, Array]]:

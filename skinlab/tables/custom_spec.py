@@ -25,6 +25,7 @@ from skinlab.mechanics.fem.skin import Skin
 from skinlab.mechanics.fem.suction import MESH_OF_RECORD, Discretisation, Geometry
 from skinlab.mechanics.materials.compressibility import KappaConvention
 from skinlab.mechanics.model_file import Model
+from skinlab.mechanics.model_plugins import warn_of_table
 from skinlab.parameters import Parameter, Space, Transform
 from skinlab.tables.abscissa import Abscissa, PressureAbscissa, ProgramAbscissa
 from skinlab.tables.axes import AxisRange, Spacing, TableAxis, axis_of
@@ -450,8 +451,10 @@ class CustomSpec(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         Raises:
             ValueError: its spec is damaged, or its arrays are not of the spec's shape.
         """
-        spec = spec_from_json(str(file.attrs["spec"]))
         versions = msgspec.json.decode(str(file.attrs["versions"]), type=dict[str, str])
+        stated = msgspec.json.decode(str(file.attrs["spec"]), type=cls).model
+        warn_of_table(file.filename, stated.model.law, stated.effects, versions)
+        spec = spec_from_json(str(file.attrs["spec"]))
         abscissa = spec.abscissa
         curves = [file[name][:] for name, _ in _CURVES if name in file]
         if f"holds_to_{abscissa.unit}" not in file:
@@ -531,8 +534,10 @@ def checked_spec(spec: CustomSpec) -> CustomSpec:
     for name, axis in spec.axis.items():
         try:
             bounds = spec.model.bounds(name)
-        except InputError:
+        except InputError as error:
             of_model = [f"{e}.{p}" for e, ranges in spec.model.effects.items() for p in ranges]
+            if name in of_model:  # of an effect that is not there any more
+                raise InputError(f"axis.{name}: {error}") from None
             known = ", ".join([*spec.model.law.names, *of_model])
             raise InputError(f"axis.{name} is not known; expected one of: {known}") from None
         axis.check(f"axis.{name}", *bounds)

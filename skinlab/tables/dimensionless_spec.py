@@ -17,6 +17,7 @@ between which it is a cubic spline.
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
@@ -43,6 +44,7 @@ from skinlab.mechanics.fem.suction import (
 from skinlab.mechanics.materials import DEFAULT_LAW, Law, get_law
 from skinlab.mechanics.materials.compressibility import KappaConvention, kappa_ratio, nu_from_ratio
 from skinlab.mechanics.model_file import Model
+from skinlab.mechanics.model_plugins import plugins_of, warn_of_table
 from skinlab.parameters import Parameter, Space, stem
 from skinlab.tables.any_geometry import AnyGeometry
 from skinlab.tables.axes import Coordinate, TableAxis
@@ -314,13 +316,14 @@ class DimensionlessSpec:
 
     def table(self, rows: Array, solver_version: str, versions: dict[str, str]) -> Table:
         """Return the table made of all rows."""
-        del versions
+        own = plugins_of(self.law, ())
+        facts = {"versions": {k: v for k, v in versions.items() if k in own}} if own else {}
         rows, computed = rows[: self.entries], rows[self.entries :, :-2]
         compliance = rows[:, :-2].reshape(*self.shape, -1)
         filled = fill_ratios(compliance, self.load_coordinates()).astype(np.float32)
         holds, goes_on = (np.ascontiguousarray(at).reshape(self.shape) for at in rows[:, -2:].T)
         extra = {_GOES_ON: goes_on}
-        table = Table(self, filled, holds, self.mesh_name, solver_version, extra=extra)
+        table = Table(self, filled, holds, self.mesh_name, solver_version, extra, facts)
         errors = self._errors(table, computed)
         return replace(table, extra={**extra, _ERRORS: errors})
 
@@ -631,6 +634,7 @@ class DimensionlessSpec:
             "load_scale": self.load_scale,
             "least_load": self.least_load,
             **{name: axis.stored for name, axis in self.axis},
+            **{name: json.dumps(said) for name, said in table.facts.items()},
         }
 
     def datasets(self, table: Table) -> list[Dataset]:
@@ -647,6 +651,8 @@ class DimensionlessSpec:
     def read(cls, file: Any) -> Table:
         """Return the table in an HDF5 file."""
         attrs = file.attrs
+        versions = json.loads(str(attrs.get("versions", "{}")))
+        warn_of_table(file.filename, str(attrs["law"]), (), versions)
         law = get_law(str(attrs["law"]))
         axes = tuple(
             (name, _stored_axis(axis, np.asarray(at, dtype=float).tolist()))
@@ -673,6 +679,7 @@ class DimensionlessSpec:
             # Tables built before ended where the skin creases.
             # Those and the one that ships have not measured how far they are off between the nodes.
             extra={name: file[name][:] for name in (_GOES_ON, _ERRORS) if name in file},
+            facts={"versions": versions} if versions else {},
         )
 
 

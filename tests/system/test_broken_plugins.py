@@ -61,7 +61,7 @@ HUGE = effect("huge", read=lambda self, t, w, values: w + 1e300)
 TEXT = effect("text", read=lambda self, t, w, values: w.astype(str))
 LEAVES = effect("leaves", read=lambda self, t, w, values: sys.exit(3))
 WHEN = effect("when", when=lambda self, t, values: list(t))
-FELT = effect("felt", felt=lambda self, path, values: None)
+FELT = effect("felt", physical=True, felt=lambda self, path, values: None)
 CHANGE = effect("change", physical=True, change=lambda self, problem, values, cycle: None)
 """
 OF_EFFECTS = {

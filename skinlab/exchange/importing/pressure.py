@@ -14,6 +14,7 @@ from skinlab.curves.pressure_path import PressurePath
 from skinlab.curves.program import MOST_PRESSURE_MBAR
 from skinlab.curves.program_check import followed
 from skinlab.curves.settings import AS_STATED, SAMPLES
+from skinlab.curves.suction import beyond_any_program
 from skinlab.errors import InputError
 from skinlab.exchange.importing.questions import Answers, Question
 from skinlab.exchange.importing.table import Table
@@ -24,7 +25,6 @@ Mask = NDArray[np.bool_]
 
 _FINELY = 2001  # times of a program at which its suction is looked at
 _GLITCHES, _FEW = 0.02, 4  # readings that may be glitches: a share of very many, else so many
-_BEYOND = 1.2  # times the highest pressure of any program: no reading that is a little off
 
 
 def suction(time_s: Array, pressure_mbar: Array, table: Table) -> tuple[Array, list[str]]:
@@ -45,7 +45,7 @@ def suction(time_s: Array, pressure_mbar: Array, table: Table) -> tuple[Array, l
         "which no fit uses"
         for k in np.flatnonzero(glitches)
     ]
-    far = np.flatnonzero(_beyond(pressure_mbar) & ~glitches)
+    far = np.flatnonzero(beyond_any_program(pressure_mbar) & ~glitches)
     if far.size:
         raise InputError(
             f"line {table.lines[int(far[0])]}: a pressure of {pressure_mbar[far[0]]:g} mbar; "
@@ -59,19 +59,14 @@ def suction(time_s: Array, pressure_mbar: Array, table: Table) -> tuple[Array, l
 
 def of_another_unit(curve: Curve) -> bool:
     """Return whether readings of the pressure are such that no program comes near them."""
-    beyond = _beyond(curve.pressure_mbar)
+    beyond = beyond_any_program(curve.pressure_mbar)
     return bool((beyond & ~_glitches(curve.time_s, curve.pressure_mbar)).any())
-
-
-def _beyond(pressure_mbar: Array) -> Mask:
-    """Return which readings (rows,) no program asks for, nor comes near."""
-    return np.asarray(np.abs(pressure_mbar) > _BEYOND * MOST_PRESSURE_MBAR)
 
 
 def _glitches(time_s: Array, pressure_mbar: Array) -> Mask:
     """Return which of those are glitches (rows,): a few, each alone or with one more."""
     lone = lone_readings(time_s, pressure_mbar, white_noise(pressure_mbar))
-    found = _beyond(pressure_mbar) & lone
+    found = beyond_any_program(pressure_mbar) & lone
     return found if found.sum() <= most_glitches(len(found)) else np.zeros_like(found)
 
 

@@ -40,10 +40,10 @@ def part_of(model: ErrorModel, look: Look) -> Part | None:
     who = ERROR_MODELS.who(model.name)
     if who is None:
         return model.part(look)
-    from skinlab.inference.error_models.checked import checked_part  # slow to import
+    from skinlab.inference.error_models.checked import checked_part, own_look  # slow
 
     try:
-        part: object = model.part(look)
+        part: object = model.part(own_look(look))
         if part is None:
             return None
         return _named(checked_part(model.name, part, len(look.samples)))

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from copy import copy
+from dataclasses import fields, replace
 from numbers import Real
 from typing import Any
 
@@ -12,7 +13,7 @@ import numpy as np
 
 from skinlab.inference.covariance import OrnsteinUhlenbeck
 from skinlab.inference.error_models import ERROR_MODELS
-from skinlab.inference.error_models.base import Array, Hyperparameter, Part, Terms
+from skinlab.inference.error_models.base import Array, Hyperparameter, Look, Part, Terms
 from skinlab.plugins import texts
 
 _HUGE = 1e9  # mm²: squares overflow far above
@@ -24,11 +25,22 @@ _OLDER = {"step_um": "quantised", "freedom": "heavy_tails"}
 Shape = tuple[int, ...]
 
 
+def own_look(look: Look) -> Look:
+    """Return a look whose arrays an installed model may change in place."""
+    return replace(look, samples=replace(look.samples, **_copies(look.samples)), **_copies(look))
+
+
+def _copies(one: Any) -> dict[str, Any]:
+    """Return copies of the arrays of a dataclass, by field."""
+    each = {field.name: getattr(one, field.name) for field in fields(one)}
+    return {name: value.copy() for name, value in each.items() if isinstance(value, np.ndarray)}
+
+
 def checked_part(name: str, part: object, count: int) -> Part:
     """Return what the error model of this name returned for so many samples.
 
     It is asked for its terms at the medians of its parameters. What it is asked later is checked
-    then, by what it returns here.
+    then, by what it returns here. What it is given are copies.
 
     Raises:
         TypeError, ValueError: it is no part, or its functions return what cannot be computed with;
@@ -54,7 +66,7 @@ def checked_part(name: str, part: object, count: int) -> Part:
     checked = replace(
         part,
         stated={key: _number(f"its {key}", value) for key, value in part.stated.items()},
-        terms=lambda values: _checked_terms(part.terms(values), count),
+        terms=lambda values: _checked_terms(part.terms(copy(values)), count),
         variances=_variances(part.variances, count),
         size_um=_size(part.size_um),
         again=_again(name, part.again, count),
@@ -96,7 +108,7 @@ def _variances(
         return None
 
     def variances(values: Array) -> Array:
-        found = given(values)
+        found = given(values.copy())
         _check_numbers("variances", found, ((count,), (len(values), 1), (len(values), count)))
         if np.min(found) < 0.0:
             raise TypeError("variances are below 0")
@@ -108,7 +120,7 @@ def _variances(
 def _size(
     given: Callable[[Sequence[float]], float] | None,
 ) -> Callable[[Sequence[float]], float] | None:
-    return None if given is None else lambda values: _zero_or_more("size_um", given(values))
+    return None if given is None else lambda values: _zero_or_more("size_um", given(copy(values)))
 
 
 def _again(
@@ -118,7 +130,7 @@ def _again(
         return None
 
     def again(square: Array) -> Part:
-        found = checked_part(name, given(square), count)
+        found = checked_part(name, given(square.copy()), count)
         if found.again is None:
             raise TypeError("again returned a part without again")
         return found

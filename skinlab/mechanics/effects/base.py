@@ -130,6 +130,8 @@ def check_effect(one: object) -> None:
             raise TypeError(f"its {name} is {getattr(one, name)!r}; expected True or False")
     if not isinstance(one.order, int):
         raise TypeError(f"its order is {one.order!r}; expected an int")
+    _check_physical(one)
+    _check_family(one)
     check_declared(one.parameters)
     for p in one.parameters:  # it is searched between its bounds; a law says where to search
         if p.spacing == "log" and not p.low > 0.0:
@@ -137,6 +139,35 @@ def check_effect(one: object) -> None:
     _check_tried(one)
     if not any(p.zero is not None for p in one.parameters):
         raise TypeError("none of its parameters has a zero; expected one, the effect's size")
+
+
+def _check_physical(one: Effect) -> None:
+    """Check that an effect overrides only what one of its kind is asked for.
+
+    Raises:
+        TypeError: it overrides what is never called.
+    """
+    skin, record = ("change", "felt"), ("when", "read", "read_along")
+    asked, never = (skin, record) if one.physical else (record, skin)
+    for name in never:
+        if getattr(type(one), name) is not getattr(Effect, name):
+            raise TypeError(
+                f"its physical is {one.physical}, and it overrides {name}, which such an effect is "
+                f"never asked for; expected {' or '.join(asked)}"
+            )
+
+
+def _check_family(one: Effect) -> None:
+    """Check that an effect is a learned one (`learned.py`) where it says of which family it is.
+
+    Raises:
+        TypeError: it is not: it would neither be named nor learned.
+    """
+    if one.family:
+        needs(one, "x_name", "y_name", "abscissa", "function", "sentence")
+        texts(one, "x_name", "y_name")
+    elif hasattr(one, "own_of_each"):
+        raise TypeError("its family is empty; expected what it is called in a verdict")
 
 
 def _check_tried(one: Effect) -> None:

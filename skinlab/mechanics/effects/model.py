@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from skinlab.curves.pressure_path import PressurePath
 from skinlab.mechanics.effects import EFFECTS, checked, get_effect
 from skinlab.mechanics.effects.base import Effect, Effects
+from skinlab.mechanics.effects.installed import check_path, check_problem, check_series
 from skinlab.mechanics.fem.hermite import CubicHermite
 from skinlab.mechanics.fem.newton import StepSettings
 from skinlab.mechanics.fem.relaxation import SETTINGS as RELAXING
@@ -32,8 +33,6 @@ from skinlab.mechanics.fem.suction import (
 )
 
 Array = NDArray[np.float64]
-
-_HUGE = 1e9  # mm and s; squares of residuals overflow far above
 
 
 @dataclass(frozen=True)
@@ -117,11 +116,9 @@ def changed(skin: Skin, effects: Chosen, geometry: Geometry, cycle: int) -> Skin
     for effect, values in effects:
         if type(effect).change is not Effect.change:
             with EFFECTS.at_work(effect.name):
-                found: object = effect.change(problem, values, cycle)
-                if not isinstance(found, SkinProblem):
-                    raise TypeError(
-                        f"change returned a {type(found).__name__}; expected a SkinProblem"
-                    )
+                found = effect.change(problem, dict(values), cycle)
+                if EFFECTS.origin(effect.name) is not None:
+                    check_problem(found)
                 problem = found
     return problem
 
@@ -139,9 +136,9 @@ def felt_along(effects: Chosen, path: PressurePath) -> PressurePath:
     """Return the same of effects that are checked."""
     for effect, values in sorted(effects, key=lambda pair: (pair[0].order, pair[0].name)):
         with EFFECTS.at_work(effect.name):
-            found: object = effect.felt(path, values)
-            if not isinstance(found, PressurePath):
-                raise TypeError(f"felt returned a {type(found).__name__}; expected a PressurePath")
+            found = effect.felt(path, dict(values))
+            if EFFECTS.origin(effect.name) is not None:
+                check_path(found)
             path = found
     return path
 
@@ -265,12 +262,17 @@ class Sensors:
         return any(type(effect).when is not Effect.when for effect, _ in self.chain)
 
     def when(self, time_s: Array) -> Array:
-        """Return the times (n,) whose deflection is recorded at these times (n,)."""
+        """Return the times (n,) whose deflection is recorded at these times (n,).
+
+        What is installed is given copies, here and in `read`: it may change them in place.
+        """
         for effect, values in self.chain:
             with EFFECTS.at_work(effect.name):
-                found = effect.when(time_s, values)
-                if EFFECTS.origin(effect.name) is not None:
-                    _check_series("when", found, time_s.shape, time_s)
+                if EFFECTS.origin(effect.name) is None:
+                    time_s = effect.when(time_s, values)
+                    continue
+                found = effect.when(time_s.copy(), dict(values))
+                check_series("when", found, time_s.shape, time_s)
                 time_s = found
         return time_s
 
@@ -281,24 +283,16 @@ class Sensors:
         since_s = time_s - first_s
         for effect, values in self.chain:
             with EFFECTS.at_work(effect.name):
-                found = effect.read_along(since_s, pressure_mbar, deflection_mm, values)
-                if EFFECTS.origin(effect.name) is not None:
-                    shape = np.broadcast_shapes(since_s.shape, deflection_mm.shape)
-                    _check_series("read_along", found, shape, deflection_mm)
+                if EFFECTS.origin(effect.name) is None:
+                    deflection_mm = effect.read_along(since_s, pressure_mbar, deflection_mm, values)
+                    continue
+                found = effect.read_along(
+                    since_s.copy(), pressure_mbar.copy(), deflection_mm.copy(), dict(values)
+                )
+                shape = np.broadcast_shapes(since_s.shape, deflection_mm.shape)
+                check_series("read_along", found, shape, deflection_mm)
                 deflection_mm = found
         return deflection_mm
-
-
-def _check_series(what: str, found: object, shape: tuple[int, ...], given: Array) -> None:
-    """Check what an installed effect makes of a series: as long, and finite where that is."""
-    if not isinstance(found, np.ndarray) or found.shape != shape:
-        got = getattr(found, "shape", None)
-        told = type(found).__name__ if got is None else f"an array of the shape {got}"
-        raise TypeError(f"{what} returned {told}; expected an array of the shape {shape}")
-    if found.dtype.kind not in "fiu":
-        raise TypeError(f"{what} returned an array of {found.dtype}; expected numbers")
-    if not ((np.abs(found) < _HUGE) | ~np.isfinite(given)).all():
-        raise ValueError(f"{what} returned a value that is not finite, or beyond {_HUGE:g}")
 
 
 @dataclass(frozen=True)

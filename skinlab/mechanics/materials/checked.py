@@ -47,7 +47,7 @@ def check_arrays(
     shape = np.broadcast_shapes(*(np.shape(x) for x in (*given, *parameters.values())))
     for name, value in named:
         array = np.asarray(value)
-        if array.dtype.kind not in "fiu":
+        if array.dtype.kind not in "fiu" or isinstance(value, list | tuple):
             raise TypeError(f"{name} is a {type(value).__name__}; expected an array of numbers")
         if array.shape != shape and not _fits(array.shape, shape):
             raise TypeError(f"{name} has the shape {array.shape}; expected {shape}")

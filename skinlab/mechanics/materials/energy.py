@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
+from copy import copy
 from dataclasses import dataclass
 from typing import Any, ClassVar, Protocol
 
@@ -103,6 +104,13 @@ class HasPotential(Protocol):
         ...
 
 
+def _copies(
+    i1: Array, i2: Array, j: Array, parameters: Mapping[str, Any]
+) -> tuple[Array, Array, Array, dict[str, Any]]:
+    """Return copies of what an installed law is given, which may change it in place."""
+    return i1.copy(), i2.copy(), j.copy(), {n: copy(value) for n, value in parameters.items()}
+
+
 class Energy(ABC):
     """An isotropic hyperelastic energy W = W_iso + κ/2 (J − 1)²; subclasses give W_iso.
 
@@ -145,7 +153,7 @@ class Energy(ABC):
         if self.plugin is None:
             return self.isochoric(i1, i2, j, parameters)
         with told(self.plugin):
-            found: object = self.isochoric(i1, i2, j, parameters)
+            found: object = self.isochoric(*_copies(i1, i2, j, parameters))
             if not isinstance(found, Potential):
                 raise TypeError(
                     f"isochoric returned a {type(found).__name__}; expected a Potential"
@@ -162,7 +170,7 @@ class Energy(ABC):
         if self.plugin is None:
             return self.isochoric_first(i1, i2, j, parameters)
         with told(self.plugin):
-            found: object = self.isochoric_first(i1, i2, j, parameters)
+            found: object = self.isochoric_first(*_copies(i1, i2, j, parameters))
             if not isinstance(found, tuple) or len(found) != 3:
                 raise TypeError(
                     f"isochoric_first returned a {type(found).__name__}; expected three arrays"

@@ -122,3 +122,15 @@ def test_times_of_a_computers_clock_are_read_and_written_whole(tmp_path):
     with path.open("w") as stream:
         write_curve(stream, replace(curve, time_s=0.1 * np.arange(20)))
     assert "\n0.3,3,0.03\n" in path.read_text()
+
+
+def test_a_row_of_another_opening_is_refused(tmp_path):
+    path = tmp_path / "c.csv"
+    rows = [f"{row},{6.0 if i < 5 else 2.0}" for i, row in enumerate(ROWS.splitlines())]
+    path.write_text("\n".join([HEADER.strip() + ",aperture_mm", *rows]))
+    with pytest.raises(InputError, match=r"line 7: aperture_mm is 2.0, and the curve is stated"):
+        read_curve(path, Setup(6, 1))
+    path.write_text("\n".join([HEADER.strip() + ",aperture_mm", *rows[:5]]))
+    assert len(read_curve(path, Setup(6, 1))) == 5
+    with pytest.raises(InputError, match=r"line 2: aperture_mm is 6.0"):
+        read_curve(path, Setup(8, 1))

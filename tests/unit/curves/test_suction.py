@@ -36,6 +36,14 @@ def test_noise_glitches_and_an_overshoot_of_the_vent_are_not():
         check_suction(curve(pressure))
 
 
+def test_a_pressure_in_another_unit_or_above_nothing_is_refused():
+    up = np.linspace(0, 100, 50)
+    for pressure in (100 * up, 1013.0 - up, -100 * up, np.concatenate([np.zeros(99), 100 * up])):
+        with pytest.raises(InputError, match=r"c: pressure_mbar goes to -?10.*is its unit right"):
+            check_suction(curve(pressure))
+    check_suction(curve(np.append(up, [5e3, 5e3])))  # two glitches
+
+
 def test_a_sensor_that_reads_the_same_all_the_time_is_refused():
     dead = curve(np.linspace(0.0, 100.0, 50))
     with pytest.raises(InputError, match="c: the deflection is 0 mm at every suction; expected a"):

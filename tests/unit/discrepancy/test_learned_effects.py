@@ -3,12 +3,14 @@
 import json
 from dataclasses import replace
 from datetime import UTC, datetime
+from functools import partial
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from sim_device.skin import MESH
+from skinlab import plugins
 from skinlab.curves.campaign import Campaign
 from skinlab.curves.curve import Curve, Setup
 from skinlab.curves.pressure_path import PressurePath
@@ -21,11 +23,13 @@ from skinlab.discrepancy.cancelling import against_cancelling
 from skinlab.discrepancy.candidates import Candidate, Found
 from skinlab.discrepancy.discipline import Discipline
 from skinlab.discrepancy.families import (
+    _asked,
     _fit,
     _Promise,
     against_families,
     families,
     find_families,
+    with_family,
 )
 from skinlab.discrepancy.fit import Fit, Fitter
 from skinlab.discrepancy.heldout import HeldOut
@@ -40,7 +44,7 @@ from skinlab.discrepancy.table_domes import TableDomes
 from skinlab.discrepancy.text import describe
 from skinlab.discrepancy.unknowns import Unknowns
 from skinlab.discrepancy.verdict import decide_learned
-from skinlab.mechanics.effects import all_effects, get_effect, library_names
+from skinlab.mechanics.effects import EFFECTS, all_effects, get_effect, library_names
 from skinlab.mechanics.effects.learned import Seen, bent, drifted, less_gain
 from skinlab.mechanics.effects.model import response, solve_skin
 from skinlab.mechanics.effects.strain_stiffening import CUBIC
@@ -541,3 +545,19 @@ def test_corners_that_a_function_follows_nearly_are_no_steps_of_tape(table):
     base = linear[id(found.base)]
     linear[id(found.base)] = replace(base, residual_mm=base.residual_mm + 19.0 * steps)
     assert passed(own) == [False, True]
+
+
+def test_an_installed_family_that_breaks_down_is_told_of_and_left_out(monkeypatch, capsys):
+    class Endless(type(EFFECTS.get("learned_frame"))):
+        def range_of(self, seen):
+            return float("nan")
+
+    one = Endless()
+    monkeypatch.setattr(plugins, "_said", set())
+    ask = partial(with_family, Unknowns(()), one, Seen(1.0, 100.0, 10.0, 1, (6.0,)), 1.0)
+    with pytest.raises(ValueError, match="range_of returned nan"):
+        _asked(one, ask)
+    monkeypatch.setitem(EFFECTS._origins, one.name, plugins.Origin("works", "1.0"))
+    assert _asked(one, ask) is None
+    said = capsys.readouterr().err
+    assert said.startswith("skinlab: plugin works, effect 'learned_frame': broke down, and is left")

@@ -315,6 +315,17 @@ def test_limits_that_are_passed_raise_an_alarm_in_words(pressures, step_s, words
     assert onlooker.alarm == alarm.text
 
 
+@pytest.mark.parametrize("pace", [0.1, 10.0])
+def test_the_dose_is_by_the_clock_that_says_more(pace):
+    """An instrument that counts its readings at a tenth of their rate had a tenth of the dose."""
+    onlooker, found = Onlooker(silent_s=100.0), []
+    for k in range(200):
+        now = 5.0 * k
+        sample = Sample(k, now * pace, 0.0 if k % 5 == 4 else 400.0, 0.1, 0)
+        found += onlooker.on_event(sample, now)
+    assert any(isinstance(event, Alarm) and "a dose of" in event.text for event in found)
+
+
 def test_an_alarm_comes_back_while_its_cause_lasts():
     onlooker, found = watch([0, 540, 540, 540])
     assert len(found) == 1

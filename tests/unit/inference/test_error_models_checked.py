@@ -178,3 +178,23 @@ def test_what_is_right_is_returned_as_it_was(model):
 def test_names_of_ones_own_and_plain_ones_are_taken(installed):
     for names in (("hum_um", "hum_hz"), ("a_um",), ("whites_um",)):
         assert part_of(installed(called(*names)), LOOK) is not None
+
+
+def test_what_a_model_changes_in_place_is_its_own(installed):
+    def in_place(look):
+        look.residual_mm[:] = look.samples.time_s[:] = 0.0
+
+        def terms(values):
+            values[0] *= 1e-3
+            return Terms(values[0] ** 2)
+
+        return Part("hum", (SIZE,), terms, why="it hums")
+
+    model = of()
+    model.part = in_place
+    residual, time, values = LOOK.residual_mm.copy(), LOOK.samples.time_s.copy(), [3.0]
+    part = part_of(installed(model), LOOK)
+    assert part.terms(values).variance_mm2 == pytest.approx(9e-6)
+    assert values == [3.0]
+    assert np.array_equal(LOOK.residual_mm, residual)
+    assert np.array_equal(LOOK.samples.time_s, time)

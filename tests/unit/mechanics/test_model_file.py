@@ -14,7 +14,7 @@ from skinlab.mechanics.effects import EFFECTS, Effect, Parameter
 from skinlab.mechanics.effects.model import Skin, response
 from skinlab.mechanics.fem.suction import Geometry
 from skinlab.mechanics.model_file import BASE, EffectRange, Header, Model, Normal, Range, read_model
-from skinlab.mechanics.model_plugins import plugins_of
+from skinlab.mechanics.model_plugins import plugins_of, warn_of_table
 from skinlab.plugins import Origin
 
 WHOLE = """
@@ -299,3 +299,24 @@ def test_an_effect_of_a_plugin_that_is_gone_is_told_with_the_plugin(tmp_path):
         f"{path}: effects.seal_leak is not known: the model was adopted with the plugin sealed "
         "0.1.0, which is not installed here"
     )
+
+
+TABLE = {"plugin sealed": "0.1.0 27ab12cd34ef", "plugin unrelated": "2.0 00ab12cd34ef"}
+
+
+def test_a_table_of_another_state_of_a_plugin_is_told(installed, capsys):
+    """It answered by the formula that it was built with, in silence."""
+    installed("sealed", "0.1.0 27ab12cd34ef")
+    warn_of_table("t.h5", BASE.model.law, ["seal_leak"], TABLE)
+    assert capsys.readouterr().err == ""
+    installed("sealed", "0.2.0 88ab12cd34ef")
+    warn_of_table("t.h5", BASE.model.law, ["seal_leak"], TABLE)
+    assert capsys.readouterr().err == (
+        "skinlab: t.h5: effects.seal_leak was of plugin sealed 0.1.0 (source files 27ab12cd34ef) "
+        "when the table was built, and is of plugin sealed 0.2.0 (source files 88ab12cd34ef) "
+        "here: what the table says of it may not hold\n"
+    )
+    with pytest.raises(
+        InputError, match=r"effects.gone is not known: the table was built with the"
+    ):
+        warn_of_table("t.h5", BASE.model.law, ["gone"], TABLE)

@@ -3,23 +3,32 @@
 from __future__ import annotations
 
 import math
+import os
+import warnings
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from skinlab_example.warm_up import EFFECT as WARM_UP
 
+from skinlab import plugins
+from skinlab.curves.pressure_path import PressurePath
+from skinlab.errors import BrokenPluginError
 from skinlab.extensions.effects import (
+    a_learned_one_has_a_function,
     it_depends_on_the_suction_alone_where_it_says_so,
     it_says_what_it_is,
 )
 from skinlab.extensions.laws import derivatives_are_the_energys
 from skinlab.extensions.rules import BrokenRuleError
 from skinlab.mechanics.effects import EFFECTS, all_effects
-from skinlab.mechanics.effects.base import Effect
+from skinlab.mechanics.effects.base import Effect, check_effect
 from skinlab.mechanics.effects.history import depends_on_history, shows_history
-from skinlab.mechanics.fem.skin import Prony
+from skinlab.mechanics.effects.model import Sensors, felt_path, problem_of, solve_skin
+from skinlab.mechanics.fem.skin import Layer, Prony, Skin
+from skinlab.mechanics.fem.suction import Geometry
 from skinlab.mechanics.materials.base import Law, potential_of_j1
+from skinlab.mechanics.materials.checked import small_strains
 from skinlab.parameters import Nodes, Parameter, Search
 
 
@@ -168,3 +177,150 @@ def test_an_effect_depends_on_time_unless_it_says_no():
 def test_built_in_effects_that_say_no_depend_on_the_suction_alone():
     own = [one for one in all_effects() if EFFECTS.origin(one.name) is None]
     assert not [one.name for one in own if not one.needs_history and shows_history(one)]
+
+
+class InPlace(Effect):
+    name = meaning = formula = source = "in_place"
+    physical = False
+    parameters = (SIZE,)
+
+    def when(self, time_s, values):
+        time_s -= 0.1
+        return time_s
+
+    def read_along(self, since_s, pressure_mbar, deflection_mm, values):
+        pressure_mbar /= 10.0
+        values["size_um"] *= 1e-3
+        deflection_mm += values["size_um"] * pressure_mbar
+        return deflection_mm
+
+
+def test_what_an_installed_effect_changes_in_place_is_its_own(monkeypatch):
+    monkeypatch.setitem(EFFECTS._all(), "in_place", InPlace())
+    monkeypatch.setitem(EFFECTS._origins, "in_place", plugins.Origin("works", "1.0"))
+    sensors = Sensors.of({"in_place": {"size_um": 2.0}})
+    time, pressure, deflection = np.arange(3.0), np.full(3, 50.0), np.ones(3)
+    for _ in range(2):
+        assert sensors.when(time) == pytest.approx(np.arange(3.0) - 0.1)
+        assert sensors.read(time, pressure, deflection, 0.0) == pytest.approx(np.full(3, 1.01))
+    assert [*time, *pressure, *deflection] == [0, 1, 2, 50, 50, 50, 1, 1, 1]
+
+
+def test_what_an_installed_law_changes_in_place_is_its_own():
+    class Own(VerondaWestmann):
+        plugin = "plugin works, law 'veronda_westmann'"
+
+        def isochoric(self, i1, i2, j, parameters):
+            found = super().isochoric(i1, i2, j, parameters)
+            j *= 2.0
+            parameters["C1_MPa"] *= 2.0
+            return found
+
+    i1, i2, j = small_strains()
+    values = {"C1_MPa": np.array([0.01]), "C2": 6.0, "kappa_MPa": 0.1}
+    found = Own().potential(i1, i2, j, values)
+    right = VerondaWestmann().potential(*small_strains(), values | {"C1_MPa": 0.01})
+    assert np.array_equal(found.energy, right.energy)
+    assert np.array_equal(found.d_j, right.d_j)
+
+
+@pytest.mark.parametrize(
+    ("physical", "hook"), [(True, "read"), (True, "when"), (False, "change"), (False, "felt")]
+)
+def test_an_effect_with_a_hook_that_its_kind_is_never_asked_for_is_refused(physical, hook):
+    own = {"physical": physical, "parameters": (SIZE,), hook: lambda self, *given: given[0]}
+    own |= dict.fromkeys(("name", "meaning", "formula", "source"), "an_effect")
+    with pytest.raises(TypeError, match=f"its physical is {physical}, and it overrides {hook}, wh"):
+        check_effect(type("Of", (Effect,), own)())
+
+
+def test_an_effect_of_a_family_that_is_no_learned_one_is_refused():
+    """It would neither be named nor learned: nobody would look for it."""
+    own = {"physical": False, "parameters": (SIZE,), "family": "frame"}
+    own |= dict.fromkeys(("name", "meaning", "formula", "source"), "an_effect")
+    with pytest.raises(TypeError, match="Of has no x_name, y_name, abscissa, function, sentence"):
+        check_effect(type("Of", (Effect,), own)())
+    nameless = type("Nameless", (type(EFFECTS.get("learned_frame")),), {"family": ""})
+    with pytest.raises(TypeError, match="its family is empty"):
+        check_effect(nameless())
+
+
+PATH = PressurePath((0.0, 1.0), (0.0, 10.0))
+
+
+@pytest.mark.parametrize(
+    ("own", "says"),
+    [
+        ({"stiffness": np.array([0.9])}, "stiffness is array"),  # the compiled loops crashed
+        ({"prony": [Prony(0.1, 1.0)]}, "prony is .*; expected a tuple of Prony"),
+        ({"prony": (Prony(0.1, -1.0),)}, "tau_s is -1.0; expected a number above 0"),
+        ({"below": (Layer(math.nan, 0.1, 0.1),)}, "thickness_mm of a layer is nan; expected a num"),
+        ({"terms": ("X3",)}, "terms is .*; expected a tuple of Term"),
+        ({"pressure_mbar": [0.0, 10.0]}, "pressure_mbar of the path is a list; expected a tuple"),
+    ],
+)
+def test_what_an_installed_effect_makes_of_the_skin_is_checked(monkeypatch, own, says):
+    class Solid(Effect):
+        name = meaning = formula = source = "solid"
+        physical = True
+        parameters = (SIZE,)
+
+        def change(self, problem, values, cycle):
+            return problem if "pressure_mbar" in own else replace(problem, **own)
+
+        def felt(self, path, values):
+            return replace(path, **own) if "pressure_mbar" in own else path
+
+    monkeypatch.setitem(EFFECTS._all(), "solid", Solid())
+    monkeypatch.setitem(EFFECTS._origins, "solid", plugins.Origin("works", "1.0"))
+    given = {"solid": {"size_um": 2.0}}
+    with pytest.raises(BrokenPluginError, match=f"plugin works, effect 'solid': broke .*: {says}"):
+        solve_skin(
+            problem_of(Skin((0.04, 1.5, 0.32)), given, Geometry(6.0, 1.0)), felt_path(given, PATH)
+        )
+
+
+def test_a_law_that_answers_lists_is_named():
+    class Listed(VerondaWestmann):
+        plugin = "plugin works, law 'veronda_westmann'"
+
+        def isochoric(self, i1, i2, j, parameters):
+            found = super().isochoric(i1, i2, j, parameters)
+            return replace(found, energy=found.energy.tolist())
+
+    with pytest.raises(BrokenPluginError, match="energy is a list; expected an array of numbers"):
+        Listed().potential(*small_strains(), {"C1_MPa": 0.01, "C2": 6.0, "kappa_MPa": 0.1})
+
+
+@pytest.mark.parametrize(
+    ("own", "says"),
+    [
+        ({"range_of": lambda self, seen: math.nan}, "range_of returned nan"),
+        ({"abscissa": lambda self, seen: np.array([])}, r"its abscissa is \[\]"),
+        ({"function": lambda self, at, values: at[:3]}, r"its function has the shape \(3,\)"),
+        ({"sentence": lambda self, x, y: None}, "its sentence is None"),
+    ],
+)
+def test_what_a_learned_effect_has_besides_is_tried(own, says):
+    frame = type(EFFECTS.get("learned_frame"))
+    a_learned_one_has_a_function(frame())
+    with pytest.raises(BrokenRuleError, match=says):
+        a_learned_one_has_a_function(type("Of", (frame,), own)())
+
+
+def test_what_an_import_changes_for_everybody_is_undone(tmp_path):
+    """numpy.seterr(all="raise") in a plugin's module had ended a measurement."""
+
+    class Entry:
+        name, dist = "warm_up", None
+
+        def load(self):
+            np.seterr(all="raise")
+            warnings.simplefilter("error")
+            os.chdir(tmp_path)
+            return WARM_UP
+
+    before = np.geterr(), list(warnings.filters), os.getcwd()
+    own = plugins.Registry("effect", "skinlab.none", "EFFECT", "skinlab.none", check_effect)
+    assert own._take(Entry()) is None
+    assert (np.geterr(), list(warnings.filters), os.getcwd()) == before

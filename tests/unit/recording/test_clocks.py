@@ -19,6 +19,7 @@ from skinlab.recording.records import Kind, Record
 from skinlab.recording.session import session_from_records, write_session
 from skinlab.recording.session_check import check
 from skinlab.recording.stream import setup_to_json
+from skinlab.report.session_text import clock_warning
 
 WIRE = get_dialect("reference")
 SETUP = Setup(6.0, 1.0, parse_program("ramp:100@20"))
@@ -106,6 +107,12 @@ def test_it_is_kept_in_the_session_and_said(tmp_path, capsys):
     assert run(["export", str(path), "--to", "json", str(tmp_path)]) == 0
     curves = json.loads((tmp_path / "session.json").read_text())["curves"]
     assert [curve["clock"] for curve in curves] == kept
+
+
+@pytest.mark.parametrize(("rate", "warns"), [(0.2, True), (0.9, True), (0.99, False), (1.0, False)])
+def test_a_clock_that_is_far_off_is_told_where_nobody_controls_it(rate, warns):
+    said = clock_warning(session_from_records({}, records(lambda t: rate * t)))
+    assert (said is not None and "are rate_hz and the unit" in said) == warns
 
 
 def test_a_clock_that_was_changed_is_found(tmp_path):

@@ -465,3 +465,20 @@ def test_a_dask_cluster_gives_the_same_bits(corners):
         n_workers=1, threads_per_worker=1, processes=False, dashboard_address=None
     ) as cluster:
         assert build(spec, How(dask=cluster.scheduler_address)).content_hash == whole
+
+
+def test_a_build_does_not_go_on_with_another_state_of_a_plugin(tmp_path, monkeypatch):
+    """The table would have been of two formulas."""
+    spec, kept = spec_of(tmp_path, CORNERS), tmp_path / "t.h5.rows"
+
+    def stop(done, total):
+        raise KeyboardInterrupt
+
+    def build_with(state, **how):
+        monkeypatch.setattr("skinlab.tables.build.versions", lambda: {"plugin sealed": state})
+        return build(spec, How(keep=kept, **how))
+
+    with pytest.raises(KeyboardInterrupt):
+        build_with("0.1.0 27ab12cd34ef", progress=stop)
+    with pytest.raises(InputError, match="rows of another build"):
+        build_with("0.1.0 88ab12cd34ef", resume=True)
