@@ -120,7 +120,7 @@ class Course:
     """What the finite elements add to a curve that relaxes."""
 
     share: Learnt  # (n,) of what the table takes for relaxation: more of that, more of this
-    rest_mm: Array  # (n,) what is no share of it, where it is next to nothing
+    rest_mm: Learnt  # (n,) what is no share of it, where it is next to nothing
 
 
 def share_and_rest(added_mm: Array, memory_mm: Array) -> tuple[Array, Array]:

@@ -30,8 +30,8 @@ _DRAWS = 600  # a round
 # their end: of 381 that ended within 30 none did. Half of the evaluations.
 _HOPELESS_CHI2 = 100.0
 # Rounds in which finite elements are asked at so many points, until no density there changes by so
-# much of the highest.
-_ROUNDS, _ASKED, _OFF = 6, 6, 0.1
+# much of the highest. Steps in time take longer: what relaxes has fewer rounds.
+_ROUNDS, _ROUNDS_RELAXING, _ASKED, _OFF = 6, 3, 6, 0.1
 _TEMPER, _FAR = 0.5, 25.0  # of a log density: what seems unlikely may not be
 _GAUSSIAN_DRAWS = 2000
 
@@ -95,7 +95,8 @@ def sample(fitter: Fitter, fit: Fit, errors: ErrorChoice, rng: np.random.Generat
     best, likeliest = np.concatenate(model.predict(fit.u)), fit.u
     density = _LogDensity(fitter, model, best, errors)
     draws: Draws | None = None
-    for left in range(_ROUNDS if model.corrected else 0, -1, -1):
+    rounds = (_ROUNDS if model.sloped else _ROUNDS_RELAXING) if model.corrected else 0
+    for left in range(rounds, -1, -1):
         if draws is None or draws.effective < POSTERIOR.enough:
             try:
                 draws = follow_the_valley(

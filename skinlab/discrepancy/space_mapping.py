@@ -92,14 +92,16 @@ class MappedModel:
     _known: list[tuple[Array, dict[Key, tuple[Array, Learnt]]]] = field(default_factory=list)
     _points: Points | None = None
     # Of what relaxes, by the first of repeats, off the anchor by (k,).
-    _shares: list[tuple[Array, dict[int, Array]]] = field(default_factory=list)
+    _shares: list[tuple[Array, dict[int, _Added]]] = field(default_factory=list)
 
     def exact(self) -> MappedModel:
         """Return the model on the mesh of record, without an anchor.
 
         How what relaxes changes with the unknowns is taken over: it is learnt already.
         """
-        courses = {i: replace(c, share=replace(c.share)) for i, c in self._courses.items()}
+        courses = {
+            i: Course(replace(c.share), replace(c.rest_mm)) for i, c in self._courses.items()
+        }
         return MappedModel(
             self.records,
             self.unknowns,
@@ -266,12 +268,13 @@ class MappedModel:
             # What the table takes for relaxation is too much by a share that hardly changes.
             memory = found[k] - elastic[k]
             time, course = record.curve.time_s, self._courses[i]
-            share, rest = course.share.at(off), course.rest_mm[None]
+            share, rest = course.share.at(off), course.rest_mm.at(off)
             if any(c.sensors.late for c in candidates):
                 when = read_at(candidates, time)
-                each = zip(when, share, strict=True)
-                share = np.array([np.interp(t, time, one) for t, one in each])
-                rest = np.array([np.interp(t, time, course.rest_mm) for t in when])
+                share, rest = (
+                    np.array([np.interp(t, time, one) for t, one in zip(when, every, strict=True)])
+                    for every in (share, rest)
+                )
             found[k] = found[k] + share * memory + rest
         return found
 
@@ -332,19 +335,23 @@ class MappedModel:
             if shares is not None:
                 self._shares.append((off[0], shares))
         for i, course in self._courses.items() if self._shares else ():
-            values = [self._as_in(i, shares[self._repeats[i]]) for _, shares in self._shares]
+            none = np.zeros_like(course.share.slopes)
+            every = [added[self._repeats[i]] for _, added in self._shares]
             course.share.passes(
-                self.points, [Learnt(v, np.zeros_like(course.share.slopes)) for v in values]
+                self.points, [Learnt(self._as_in(i, one.share), none) for one in every]
+            )
+            course.rest_mm.passes(
+                self.points, [Learnt(self._as_in(i, one.rest_mm), none) for one in every]
             )
 
-    def _shares_at(self, here: Problems, off: Array) -> dict[int, Array] | None:
-        """Return the shares of what relaxes, of repeats the first; None where they do not hold."""
-        found: dict[int, Array] = {}
+    def _shares_at(self, here: Problems, off: Array) -> dict[int, _Added] | None:
+        """Return what is added to what relaxes, of repeats the first; None where it fails."""
+        found: dict[int, _Added] = {}
         for first in dict.fromkeys(self._repeats[i] for i in self._courses):
             one = self._course(first, here, off)
             if one is None:
                 return None
-            found[first] = one.share
+            found[first] = one
         return found
 
     def _as_in(self, i: int, values: Array) -> Array:
@@ -570,12 +577,13 @@ class MappedModel:
                 solved[first] = found
             one = solved[first]
             share, rest_mm = self._as_in(i, one.share), self._as_in(i, one.rest_mm)
+            none = np.zeros((len(share), len(off)))
             if i in before:
                 learnt = before[i].share
                 learnt.move(share, off)
             else:
-                learnt = Learnt(share, np.zeros((len(share), len(off))))
-            self._courses[i] = Course(learnt, rest_mm)
+                learnt = Learnt(share, none)
+            self._courses[i] = Course(learnt, Learnt(rest_mm, none))
         return True
 
     def _course(self, i: int, here: Problems, off: Array) -> _Added | None:
