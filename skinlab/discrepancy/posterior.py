@@ -1,7 +1,7 @@
 """How sure an explanation's parameters are: draws from its posterior, not a Gaussian at its best.
 
 The valley is followed as in the identification of a curve (inference/posterior.py); the model stays
-anchored at the fit.
+anchored at the fit, and asks the finite elements where that matters.
 """
 
 from __future__ import annotations

@@ -32,6 +32,7 @@ async def test_the_operator_says_that_the_probe_was_put_on_anew(bedside, tmp_pat
         await bed.fill("subject", "P01")
         await bed.fill("repeats", "1")
         await bed.run()
+        await bed.until(lambda: bed.board.saved)  # which has a note of its own
         await bed.check()
         assert "loading  2 of this site, probe not lifted (else Ins)" in bed.text("#card-text")
         await bed.press("insert")
