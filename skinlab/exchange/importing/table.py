@@ -73,7 +73,8 @@ class Draft:
     def score(self) -> tuple[int, int, float]:
         """The more, the better: channels named, rows, share of the cells that are numbers."""
         rows = sum(end - begin for begin, end in self.runs)
-        return self.roles, rows, len(self.core) / self.width
+        numbers = sum(kind == "number" for _, kind in self.core)
+        return self.roles, rows, numbers / self.width
 
 
 def number(cell: Cell, decimal: str) -> float | None:

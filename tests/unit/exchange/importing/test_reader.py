@@ -598,6 +598,14 @@ def test_a_clock_tells_the_time(begin_s, hours, decimal):
     )
 
 
+def test_beside_a_clock_a_comma_is_a_decimal_sign_all_the_same():
+    """Pressures in whole mbar were numbers by a point, too, and with a clock enough for a table."""
+    texts = [clock(0.05 * i, decimal=",") for i in range(101)]
+    imported = read(clocked(texts).replace(".", ","))
+    assert "decimal comma" in imported.understood[0]
+    np.testing.assert_allclose(imported.curve.deflection_mm, 0.003 * np.arange(101), atol=1e-4)
+
+
 def test_a_clock_is_enough_beside_one_channel():
     texts = [clock(0.05 * i) for i in range(101)]
     lines = "".join(f"{text};{0.003 * i:.4f}\n" for i, text in enumerate(texts))
