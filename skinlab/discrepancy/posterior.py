@@ -113,7 +113,7 @@ def sample(fitter: Fitter, fit: Fit, errors: ErrorChoice, rng: np.random.Generat
         before = density(asked)
         model.learn(asked)
         density = _LogDensity(fitter, model, best, errors)
-        draws = draws.now(density(draws.parameters))
+        draws = draws.reweighted(density(draws.parameters))
         after = density(asked)
         every, u = np.concatenate([draws.log_target, after]), np.vstack([draws.parameters, asked])
         likeliest = u[np.argmax(every)]

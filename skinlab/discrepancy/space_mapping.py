@@ -88,10 +88,10 @@ class MappedModel:
     _courses: dict[int, Course] = field(default_factory=dict)
     _offs: dict[Key, tuple[Array, Array]] = field(default_factory=dict)  # heights, of a coarse mesh
     _shares_sloped: bool = False
-    # Where they are known besides the anchor (k,), and what they are there, by the unknowns.
+    # Further unknowns (k,) at which the ratios are known, and these, with slopes by the unknowns.
     _known: list[tuple[Array, dict[Key, tuple[Array, Learnt]]]] = field(default_factory=list)
     _points: Points | None = None
-    # Of what relaxes, by the first of repeats, off the anchor by (k,).
+    # The same of what relaxes: how far off the anchor (k,), and what is added, by first of repeats.
     _shares: list[tuple[Array, dict[int, _Added]]] = field(default_factory=list)
 
     def exact(self) -> MappedModel:
@@ -299,7 +299,7 @@ class MappedModel:
         self._known = [] if last is None else [(last, self._ratios)]
         self._shares = []
         self._ratios, self._anchor = ratios, u.copy()
-        self._pass()
+        self._smooth_ratios()
         if not memory or not self._anchor_courses(here, off):
             return not memory
         if slopes and self._courses and not self._shares_sloped and not self.coarse:
@@ -328,7 +328,7 @@ class MappedModel:
             found = None if here is None else self._ratios_at(u, here, list(self._ratios))
             if found is not None:
                 self._known.append((u, found))
-        self._pass()
+        self._smooth_ratios()
         for u in others if self._courses else ():
             here, off = self._problems.at(u), self.from_anchor(u[None])
             shares = None if here is None else self._shares_at(here, off)
@@ -359,7 +359,7 @@ class MappedModel:
         time, since = (self.records[j].curve.time_s for j in (i, self._repeats[i]))
         return np.asarray(np.interp(time - time[0], since - since[0], values))
 
-    def _pass(self) -> None:
+    def _smooth_ratios(self) -> None:
         """Let the corrections of solids pass through all that is known of them."""
         self._points = replace(self._anchor_alone, sloped=True)
         if not self._known:

@@ -50,8 +50,8 @@ class Draws:
         """Number of independent draws that these are worth (Kish)."""
         return float(1.0 / np.square(self.weight).sum())
 
-    def now(self, log_target: Array) -> Draws:
-        """Return the same draws of a target that has become another one, by little."""
+    def reweighted(self, log_target: Array) -> Draws:
+        """Return the same draws, weighed as of another target, which is little off."""
         held = np.isfinite(self.log_target) & np.isfinite(log_target) & (self.weight > 0.0)
         log_weight = np.full(len(held), -np.inf)
         log_weight[held] = np.log(self.weight[held]) + log_target[held] - self.log_target[held]
