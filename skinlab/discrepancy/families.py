@@ -32,7 +32,7 @@ from skinlab.discrepancy.starts import middle_of
 from skinlab.discrepancy.unknowns import Known, Unknowns
 from skinlab.errors import BrokenPluginError
 from skinlab.inference.covariance import Covariance
-from skinlab.mechanics.effects import EFFECTS, all_effects
+from skinlab.mechanics.effects import EFFECTS, all_effects, get_effect
 from skinlab.mechanics.effects.learned import PRIOR_SIZES, LearnedEffect, Seen
 from skinlab.mechanics.fem.suction import SCREENING_MESH
 from skinlab.plugins import reason, warn
@@ -149,15 +149,23 @@ def _asked(one: LearnedEffect, ask: Callable[[], A | None]) -> A | None:
         return None
 
 
-def against_families(search: Search, base: Candidate, best: Candidate) -> Trial:
-    """Return whether no smooth function is 20 times likelier, or needed beside an explanation.
+def against_families(
+    search: Search, base: Candidate, best: Candidate, in_place: dict[str, float] | None = None
+) -> Trial:
+    """Return whether no smooth function is likelier in an explanation's place, or needed beside it.
 
-    Of the families that cost no finite elements, linearised about the explanation and about the
-    model as it is; their odds are alike, and beside the explanation those of two effects. One
-    that promises so much is fitted: shares that relax are not linear where they are large, and
-    may promise 10¹⁸ times what they keep. What changes the curves by less than matters in
-    practice is not needed: a path that is known to a tenth of a millibar leaves as much.
+    A function that one of its effects is a form of has to be 20 times likelier: where the data
+    allow the form, that is given. Needed is one with which all is 20 times likelier. Of the
+    families that cost no finite elements, linearised about the explanation and about the model as
+    it is; their odds are alike, and beside the explanation those of two effects. One that promises
+    so much is fitted: shares that relax are not linear where they are large, and may promise 10¹⁸
+    times what they keep. What changes the curves by less than matters in practice is not needed: a
+    path that is known to a tenth of a millibar leaves as much.
+
+    `in_place` is what functions have come to (log10 evidence over the model as it is) where other
+    explanations were tried against them; it is added to.
     """
+    in_place = {} if in_place is None else in_place
     errors, fits = search.errors, (base.fit, best.fit)
     seen, own = seen_in(search.fitter.records, base.fit), set(best.effects)
     offered = [one for one in functions() if one.name not in own]
@@ -176,27 +184,43 @@ def against_families(search: Search, base: Candidate, best: Candidate) -> Trial:
     plain, name, *each_scale = errors.log_evidences(ones, ERRORS.rough_nodes) / LOG10
     by_scale = np.reshape(each_scale, (len(named), len(fits), len(SEARCH.scales))) * LOG10
     mean = (logsumexp(by_scale, axis=2) - np.log(len(SEARCH.scales))) / LOG10
-    in_place = -float(np.log10(max(len(offered), 2)))
-    beside = in_place + float(np.log10(SEARCH.pairs_odds))  # two things, as two effects are
+    alone = -float(np.log10(max(len(offered), 2)))
+    beside = alone + float(np.log10(SEARCH.pairs_odds))  # two things, as two effects are
     ahead = float(name - plain) + search.log10_odds(best.fit)
-    for which, odds, against, what in (
-        (0, in_place, float(plain) + ahead, "in its place is"),
-        (1, beside, float(name), "beside it makes the curves"),
+    forms = {get_effect(name).form_of for name in best.effects}
+    likelier = np.array([NAMES.tie if one.family in forms else 0.0 for one in named])
+    needed = np.full(len(named), NAMES.tie)
+    for which, odds, against, least, what in (
+        (0, alone, float(plain) + ahead, likelier, "in its place is"),
+        (1, beside, float(name), needed, "beside it makes the curves"),
     ):
-        gains = mean[:, which] + odds - against
-        for i in np.argsort(-gains)[: int((gains >= NAMES.tie).sum())]:
+        leads = mean[:, which] + odds - against - least
+        order = np.argsort(-leads)
+        asked_for = leads >= 0.0
+        if which == 0:
+            asked_for |= [one.name in in_place for one in named]
+            if len(own) > len(base.effects) + 1:
+                # A pair follows much that it is not, and the model as it is has gone far for it: a
+                # function whose fit begins there may keep many times what it promises.
+                first = order[: SEARCH.families]
+                asked_for[first] |= mean[first, 0] > plain
+        for i in order[asked_for[order]]:
             if which == 1:
                 likeliest = int(np.argmax(by_scale[i, 1]))
                 scaled = ones[2 + (2 * i + 1) * len(SEARCH.scales) + likeliest]
                 if _change_um(errors.looks[-1].mode, ones[1], scaled) < NAMES.practical_um:
                     continue
-            ahead_of_it = _asked(
-                named[i], partial(_fitted_log10, search, fits, which, named[i], seen)
-            )
+            ahead_of_it = in_place.get(named[i].name) if which == 0 else None
+            if ahead_of_it is None:
+                ahead_of_it = _asked(
+                    named[i], partial(_fitted_log10, search, fits, which, named[i], seen)
+                )
             if ahead_of_it is None:
                 continue
+            if which == 0:
+                in_place[named[i].name] = ahead_of_it
             gain = ahead_of_it + odds - (against - float(plain))
-            if gain >= NAMES.tie:
+            if gain >= least[i]:
                 kind = named[i].family.replace("_", " ")
                 return Trial(
                     "families", False,
@@ -204,7 +228,7 @@ def against_families(search: Search, base: Candidate, best: Candidate) -> Trial:
                 )  # fmt: skip
     return Trial(
         "families", True,
-        "no smooth unknown function is 20 times likelier in its place, or needed beside it",
+        "no smooth unknown function takes its place, or is needed beside it",
     )  # fmt: skip
 
 

@@ -307,7 +307,7 @@ class SearchRules:
     """A prior's standard deviation, in sizes that are seen in practice;"""
     prior_decades: float = 0.8
     """the same for a parameter that has no zero, in decades."""
-    families: int = 5
+    families: int = 8
     """Families of learned functions that promise most: fitted, with"""
     scales: tuple[float, ...] = (0.1, 0.3, 1.0, 3.0)
     """priors of the function, in that of its declaration; equally likely."""

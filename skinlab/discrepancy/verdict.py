@@ -10,6 +10,7 @@ from typing import Literal
 from skinlab.discrepancy.candidates import Candidate, Found, outdone
 from skinlab.discrepancy.discipline import Trial
 from skinlab.discrepancy.settings import ERRORS, NAMES
+from skinlab.mechanics.effects import get_effect
 
 Name = Literal["none", "named", "learned", "ambiguous", "unknown"]
 
@@ -29,6 +30,8 @@ class Verdict:
     def without(self, first: int) -> Verdict:
         """Return the verdict without so many of its first explanations."""
         left = self.explanations[first:]
+        if self.name == "learned":  # functions of one kind say the same: the first that stands
+            return Verdict("learned", left[:1])
         return Verdict("named" if first and len(left) == 1 else self.name, left)
 
 
@@ -78,6 +81,7 @@ def decide_learned(found: Found) -> Verdict:
 
     `learned`: one's residual may be noise, or all but a little of it, and it is 20 : 1 ahead of the
     other kinds and of the model as it is with errors as large as that one needs; else `unknown`.
+    Behind it are those of its kind that are as likely.
     """
     good = [c for c in found.candidates if _learns(c, found) and c.log10_evidence >= found.tie]
     if not good:
@@ -86,7 +90,11 @@ def decide_learned(found: Found) -> Verdict:
     others = [c.log10_evidence for c in found.candidates if c.kind != best.kind]
     if best.log10_evidence - max(others, default=0.0) < NAMES.tie:
         return Verdict("unknown", [])
-    return Verdict("learned", [best])
+    alike = [
+        c for c in good
+        if c.kind == best.kind and best.log10_evidence - c.log10_evidence < NAMES.tie
+    ]  # fmt: skip
+    return Verdict("learned", sorted(alike, key=lambda c: -c.log10_evidence))
 
 
 def _learns(one: Candidate, found: Found) -> bool:
@@ -98,14 +106,21 @@ def _learns(one: Candidate, found: Found) -> bool:
     return one.adequate or little or nearly_all
 
 
-def outdone_by_names(learned: Verdict, named: Sequence[Candidate]) -> bool:
-    """Return whether effects with a name explain, and a learned one that leaves more is behind.
+def outdone_by_names(learned: Verdict, named: Sequence[Candidate], stood: Candidate | None) -> bool:
+    """Return whether effects with a name explain, and a learned function is no better than they.
 
-    Then it is one of these that is missing, though nobody can tell which.
+    One that leaves more than noise and is behind them: it is one of these that is missing, though
+    nobody can tell which. So it is where the function is not 20 times likelier than the name that
+    `stood` all other trials, unless that is a form of its kind.
     """
     (one,) = learned.explanations
     best = max((c.log10_evidence for c in named if c.adequate), default=-math.inf)
-    return not one.adequate and best >= one.log10_evidence + NAMES.tie
+    if not one.adequate and best >= one.log10_evidence + NAMES.tie:
+        return True
+    if stood is None or one.kind in {get_effect(name).form_of for name in stood.effects}:
+        return False
+    (again,) = (c for c in named if c.effects == stood.effects)
+    return one.log10_evidence - again.log10_evidence < NAMES.tie
 
 
 def disciplined(verdict: Verdict, found: Found, trials: Sequence[Trial]) -> Verdict:

@@ -118,7 +118,10 @@ def explain(
             kind = Verdict("unknown", [])
         learned = _tried(search, more, kind, progress) if kind.explanations else tried
         named = search.weighed(found.base, found.candidates) if kind.explanations else []
-        if learned.verdict.name == "learned" and not outdone_by_names(learned.verdict, named):
+        stood = tried.doubted if tried.failed == {"families"} else None
+        if learned.verdict.name == "learned" and not outdone_by_names(
+            learned.verdict, named, stood
+        ):
             both = [*more.candidates, *named]
             both.sort(key=lambda c: -c.log10_evidence)
             tried = replace(learned, found=replace(more, candidates=both))
@@ -278,6 +281,7 @@ def _tried(search: Search, found: Found, first: Verdict, progress: Callable[[str
     others = [*first.explanations[: NAMES.most_tied], *serving[: NAMES.most_tied]]
     discipline = _discipline(search, (found.base, *others))
     masks = [part.out for part in parts]
+    in_place: dict[str, float] = {}  # what functions do instead
 
     def trials(best: Candidate, tied: Sequence[Candidate]) -> tuple[Trial, ...]:
         stood = discipline.trials(best, found.base, serving, masks, held[best.effects], tied)
@@ -285,7 +289,7 @@ def _tried(search: Search, found: Found, first: Verdict, progress: Callable[[str
             apart = against_cancelling(fitter, found.base, best)
             stood += [] if apart is None else [apart]
             if apart is None or apart.passed:
-                stood.append(against_families(search, found.base, best))
+                stood.append(against_families(search, found.base, best, in_place))
         return tuple(stood)
 
     each: list[tuple[Trial, ...]] = []

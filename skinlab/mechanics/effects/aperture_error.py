@@ -25,6 +25,7 @@ class ApertureError(Effect):
     formula = "aperture = ratio × the stated one; `ratio2`, … where another opening differs"
     source = "dimensions of exchangeable heads: wear, glue and skin at the rim"
     physical = True
+    form_of = "opening"
     needs_history = False
     parameters = tuple(
         Parameter(

@@ -51,6 +51,7 @@ class Effect:
         return problem
 
     same_as: ClassVar[str] = ""  # what no curve can tell it from; such an effect is never named
+    form_of: ClassVar[str] = ""  # the kind of learned effect whose function this is one form of
     family: ClassVar[str] = ""  # of a learned effect (`learned.py`): no name, but a kind of thing
     # Values of a parameter without a zero, at each of which it is screened; else its typical one.
     # Of one with a zero: larger ones, at which it is screened as well as near zero.
@@ -124,7 +125,7 @@ def check_effect(one: object) -> None:
         raise TypeError(
             f"it is a {type(one).__name__}; expected a skinlab.mechanics.effects.base.Effect"
         )
-    texts(one, "meaning", "formula", "source", "same_as", "family")
+    texts(one, "meaning", "formula", "source", "same_as", "form_of", "family")
     for name in ("physical", "needs_history", "bends", "curved"):
         if not isinstance(getattr(one, name), bool):
             raise TypeError(f"its {name} is {getattr(one, name)!r}; expected True or False")

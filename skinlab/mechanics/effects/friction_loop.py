@@ -21,6 +21,7 @@ class FrictionLoop(Effect):
     )
     source = "play operator: Visintin 1994, Differential Models of Hysteresis, III.2"
     physical = True
+    form_of = "history"
     order = 2
     parameters = (
         Parameter(

@@ -22,6 +22,7 @@ class PeriodicMotion(Effect):
     formula = "w + amplitude sin(2π frequency (t − t of the first sample))"
     source = "vibration of pump and regulator; tremor"
     physical = False
+    form_of = "periodic"
     tried: ClassVar[Mapping[str, tuple[float, ...]]] = {
         "frequency_hz": tuple(0.1 + 0.07 * i for i in range(85))  # closer than 1/10 s
     }

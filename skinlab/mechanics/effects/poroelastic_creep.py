@@ -23,6 +23,7 @@ class PoroelasticCreep(Effect):
     )
     source = "consolidation: Terzaghi 1943; Biot 1941; tissue: Mow et al. 1980"
     physical = True
+    form_of = "time"
     parameters = (
         Parameter(
             "amplitude", "", "share of the stress that the fluid carries at first", 0.0, 0.9, 0.0,

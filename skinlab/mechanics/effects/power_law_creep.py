@@ -34,6 +34,7 @@ class PowerLawCreep(Effect):
     )
     source = "Fung 1993, Biomechanics, 7.6: soft tissues relax over decades of time alike"
     physical = True
+    form_of = "time"
     parameters = (
         Parameter(
             "amplitude", "", "of the compliance that grows, beside that of 0.05 s", 0.0, 1.5, 0.0,

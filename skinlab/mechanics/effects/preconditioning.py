@@ -16,6 +16,7 @@ class Preconditioning(Effect):
     formula = "W × (1 − softening) from cycle 2 on"
     source = "Abbas et al. 2021: the first cycle differs from cycles 2–4"
     physical = True
+    form_of = "history"
     parameters = (
         Parameter(
             "softening", "", "share of the stiffness that is gone then", 0.0, 0.9, 0.0, 0.1,

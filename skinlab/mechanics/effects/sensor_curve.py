@@ -13,6 +13,7 @@ class SensorCurve(Effect):
     formula = "w + curvature × w (w − exact), w in mm"
     source = "characteristic curve of optical distance sensors, calibrated at 0 and one height"
     physical = False
+    form_of = "sensor_curve"
     needs_history = False
     parameters = (
         Parameter(

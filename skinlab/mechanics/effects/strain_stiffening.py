@@ -38,6 +38,7 @@ class StrainStiffening(Effect):
     formula = "W + X3 (J1 − 3)³"
     source = "the third power of Yeoh 1993"
     physical = True
+    form_of = "law"
     needs_history = False
     parameters = (
         Parameter(

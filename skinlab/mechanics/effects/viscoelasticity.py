@@ -21,6 +21,7 @@ class Viscoelasticity(Effect):
     )
     source = "Simo 1987; Holzapfel 2000, 6.10"
     physical = True
+    form_of = "time"
     parameters = (
         Parameter("g", "", "share of the stress that relaxes", 0.0, 0.9, 0.0, 0.3, _TIMES),
         Parameter("tau_s", "s", "time in which it does", 0.01, 1000.0, None, 1.0, _TIMES, "log"),
