@@ -17,22 +17,18 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import logsumexp
 
-from skinlab.discrepancy.campaign_errors import Linearised
 from skinlab.discrepancy.candidates import LOG10, Candidate, Found
-from skinlab.discrepancy.discipline import Trial
 from skinlab.discrepancy.fit import NO_LIMIT, Fit, Limit
-from skinlab.discrepancy.odds import odds_words
 from skinlab.discrepancy.posterior import Posterior
 from skinlab.discrepancy.records import Record
 from skinlab.discrepancy.screen import Signature
 from skinlab.discrepancy.search import Search
 from skinlab.discrepancy.search_workers import at_wall
-from skinlab.discrepancy.settings import ERRORS, NAMES, SEARCH
+from skinlab.discrepancy.settings import NAMES, SEARCH
 from skinlab.discrepancy.starts import middle_of
 from skinlab.discrepancy.unknowns import Known, Unknowns
 from skinlab.errors import BrokenPluginError
-from skinlab.inference.covariance import Covariance
-from skinlab.mechanics.effects import EFFECTS, all_effects, get_effect
+from skinlab.mechanics.effects import EFFECTS, all_effects
 from skinlab.mechanics.effects.learned import PRIOR_SIZES, LearnedEffect, Seen
 from skinlab.mechanics.fem.suction import SCREENING_MESH
 from skinlab.plugins import reason, warn
@@ -95,7 +91,7 @@ def find_families(search: Search, found: Found, least: float = 0.0) -> Found:
     seen = seen_in(found.records, base.fit)
     own = set(base.effects)
     promises = [
-        _asked(one, partial(_Promise.of, search, base.fit, one, seen))
+        ask_family(one, partial(Promise.of, search, base.fit, one, seen))
         for one in functions()
         if one.name not in own
     ]
@@ -104,11 +100,13 @@ def find_families(search: Search, found: Found, least: float = 0.0) -> Found:
     worth = [p for p in promising[: SEARCH.families] if p.log_evidence > plain]
     if not worth or worth[0].log_evidence - plain < least * LOG10:
         return replace(found, candidates=[])
-    fits = [(p, _asked(p.family, partial(_fit, search, base.fit, p, seen))) for p in worth]
+    fits = [
+        (p, ask_family(p.family, partial(fit_family, search, base.fit, p, seen))) for p in worth
+    ]
     fitted = [(p, fit) for p, fit in fits if fit is not None]
     if not fitted:
         return replace(found, candidates=[])
-    scaled = [_scaled(search, fit, p.family, seen) for p, fit in fitted]
+    scaled = [at_its_scale(search, fit, p.family, seen) for p, fit in fitted]
     best = max(range(len(scaled)), key=lambda i: scaled[i][1])
     again = [
         _fitted_again(search, fit, first)
@@ -116,7 +114,7 @@ def find_families(search: Search, found: Found, least: float = 0.0) -> Found:
     ]
     search.errors = search.errors_with(again[best])
     scaled = [
-        _scaled(search, fit, p.family, seen) for fit, (p, _) in zip(again, fitted, strict=True)
+        at_its_scale(search, fit, p.family, seen) for fit, (p, _) in zip(again, fitted, strict=True)
     ]
     plain = float(search.errors.log_evidences([search.linear(base.fit)])[0])
     odds = -np.log10(max(len(promises), 2))
@@ -132,7 +130,7 @@ def find_families(search: Search, found: Found, least: float = 0.0) -> Found:
     return replace(found, candidates=candidates, implausible=search.errors.implausible)
 
 
-def _asked(one: LearnedEffect, ask: Callable[[], A | None]) -> A | None:
+def ask_family(one: LearnedEffect, ask: Callable[[], A | None]) -> A | None:
     """Return what is asked of a family; an installed one that breaks down is told of, and has none.
 
     The others are still looked at.
@@ -149,118 +147,8 @@ def _asked(one: LearnedEffect, ask: Callable[[], A | None]) -> A | None:
         return None
 
 
-def against_families(
-    search: Search, base: Candidate, best: Candidate, in_place: dict[str, float] | None = None
-) -> Trial:
-    """Return whether no smooth function is likelier in an explanation's place, or needed beside it.
-
-    A function that one of its effects is a form of has to be 20 times likelier: where the data
-    allow the form, that is given. Needed is one with which all is 20 times likelier. Of the
-    families that cost no finite elements, linearised about the explanation and about the model as
-    it is; their odds are alike, and beside the explanation those of two effects. One that promises
-    so much is fitted: shares that relax are not linear where they are large, and may promise 10¹⁸
-    times what they keep. What changes the curves by less than matters in practice is not needed: a
-    path that is known to a tenth of a millibar leaves as much.
-
-    `in_place` is what functions have come to (log10 evidence over the model as it is) where other
-    explanations were tried against them; it is added to.
-    """
-    in_place = {} if in_place is None else in_place
-    errors, fits = search.errors, (base.fit, best.fit)
-    seen, own = seen_in(search.fitter.records, base.fit), set(best.effects)
-    offered = [one for one in functions() if one.name not in own]
-    solid = [_asked(one, partial(_of_the_solid, search, base.fit, one, seen)) for one in offered]
-    asked = [one for one, yes in zip(offered, solid, strict=True) if yes is not None and not yes]
-    ones = [search.linear(fit) for fit in fits]
-    named: list[LearnedEffect] = []
-    for one in asked:
-        each = [_asked(one, partial(_shapes, search, fit, one, seen)) for fit in fits]
-        if all(shapes is not None for shapes in each):
-            named.append(one)
-            for linear, shapes in zip(ones[:2], each, strict=True):
-                assert shapes is not None
-                more, m = linear.beside(shapes), shapes.shape[1]
-                ones += [more.scaled(scale, m) for scale in SEARCH.scales]
-    plain, name, *each_scale = errors.log_evidences(ones, ERRORS.rough_nodes) / LOG10
-    by_scale = np.reshape(each_scale, (len(named), len(fits), len(SEARCH.scales))) * LOG10
-    mean = (logsumexp(by_scale, axis=2) - np.log(len(SEARCH.scales))) / LOG10
-    alone = -float(np.log10(max(len(offered), 2)))
-    beside = alone + float(np.log10(SEARCH.pairs_odds))  # two things, as two effects are
-    ahead = float(name - plain) + search.log10_odds(best.fit)
-    forms = {get_effect(name).form_of for name in best.effects}
-    likelier = np.array([NAMES.tie if one.family in forms else 0.0 for one in named])
-    needed = np.full(len(named), NAMES.tie)
-    for which, odds, against, least, what in (
-        (0, alone, float(plain) + ahead, likelier, "in its place is"),
-        (1, beside, float(name), needed, "beside it makes the curves"),
-    ):
-        leads = mean[:, which] + odds - against - least
-        order = np.argsort(-leads)
-        asked_for = leads >= 0.0
-        if which == 0:
-            asked_for |= [one.name in in_place for one in named]
-            if len(own) > len(base.effects) + 1:
-                # A pair follows much that it is not, and the model as it is has gone far for it: a
-                # function whose fit begins there may keep many times what it promises.
-                first = order[: SEARCH.families]
-                asked_for[first] |= mean[first, 0] > plain
-        for i in order[asked_for[order]]:
-            if which == 1:
-                likeliest = int(np.argmax(by_scale[i, 1]))
-                scaled = ones[2 + (2 * i + 1) * len(SEARCH.scales) + likeliest]
-                if _change_um(errors.looks[-1].mode, ones[1], scaled) < NAMES.practical_um:
-                    continue
-            ahead_of_it = in_place.get(named[i].name) if which == 0 else None
-            if ahead_of_it is None:
-                ahead_of_it = _asked(
-                    named[i], partial(_fitted_log10, search, fits, which, named[i], seen)
-                )
-            if ahead_of_it is None:
-                continue
-            if which == 0:
-                in_place[named[i].name] = ahead_of_it
-            gain = ahead_of_it + odds - (against - float(plain))
-            if gain >= least[i]:
-                kind = named[i].family.replace("_", " ")
-                return Trial(
-                    "families", False,
-                    f"a smooth unknown function ({kind}) {what} {odds_words(gain)} likelier",
-                )  # fmt: skip
-    return Trial(
-        "families", True,
-        "no smooth unknown function takes its place, or is needed beside it",
-    )  # fmt: skip
-
-
-def _fitted_log10(
-    search: Search, fits: tuple[Fit, Fit], which: int, one: LearnedEffect, seen: Seen
-) -> float:
-    """Return log10 evidence, over the model as it is, of a family fitted beside one of two fits.
-
-    They are those of the model as it is and of an explanation. A function that comes not near the
-    explanation's cost is no rival: its fit ends early.
-    """
-    promise = _Promise.of(search, fits[which], one, seen)
-    assert promise is not None
-    found = _fit(search, fits[which], promise, seen, Limit.at(fits[1].cost + SEARCH.far))
-    if found is None:
-        return -np.inf
-    plain = float(search.errors.log_evidences([search.linear(fits[0])])[0])
-    return (_scaled(search, found, one, seen)[1] - plain) / LOG10
-
-
-def _change_um(errors: Covariance, one: Linearised, more: Linearised) -> float:
-    """Return by how much the fitted curves of two explanations differ, root mean square.
-
-    Weighed by the errors, as gaps are: what a placement may have done as well is no difference.
-    """
-    before, after = (each.explained_mm(errors) for each in (one, more))
-    z = errors.whiten(after - before)
-    return errors.noise_um * float(np.sqrt(np.mean(z**2)))
-
-
 @dataclass(frozen=True, eq=False)
-class _Promise:
+class Promise:
     """What a family would explain, linearised about the model as it is."""
 
     family: LearnedEffect
@@ -269,10 +157,10 @@ class _Promise:
     start: Array  # (k,) of the unknowns with the coefficients
 
     @classmethod
-    def of(cls, search: Search, fit: Fit, one: LearnedEffect, seen: Seen) -> _Promise | None:
+    def of(cls, search: Search, fit: Fit, one: LearnedEffect, seen: Seen) -> Promise | None:
         """Return it, None where its model does not hold or it does nothing."""
         fitter, errors = search.fitter, search.errors
-        shapes = _shapes(search, fit, one, seen)
+        shapes = shapes_of(search, fit, one, seen)
         if shapes is None:
             return None
         here = np.concatenate(fit.deflections_mm)
@@ -295,7 +183,7 @@ class _Promise:
         return cls(one, float(logsumexp(each) - np.log(len(each))), scale, start)
 
 
-def _shapes(search: Search, fit: Fit, one: LearnedEffect, seen: Seen) -> Array | None:
+def shapes_of(search: Search, fit: Fit, one: LearnedEffect, seen: Seen) -> Array | None:
     """Return what a family's coefficients do (u, m), mm, at their priors' standard deviations.
 
     Differences about a fit; None where its model does not hold, or nothing changes.
@@ -305,7 +193,7 @@ def _shapes(search: Search, fit: Fit, one: LearnedEffect, seen: Seen) -> Array |
     unknowns = with_family(fit.unknowns, one, seen, 1.0)
     at = np.concatenate([fit.u, np.zeros(m)])
     moved = at + _STEP * np.eye(len(at))[len(fit.u) :]
-    if _of_the_solid(search, fit, one, seen):
+    if is_of_the_solid(search, fit, one, seen):
         here = np.concatenate(fit.deflections_mm)
         rows = []  # the finite elements know of the function only where it is not zero
         for u in moved:
@@ -328,7 +216,7 @@ def _shapes(search: Search, fit: Fit, one: LearnedEffect, seen: Seen) -> Array |
     return shapes if np.abs(shapes).max() > 1e-6 else None
 
 
-def _of_the_solid(search: Search, fit: Fit, one: LearnedEffect, seen: Seen) -> bool:
+def is_of_the_solid(search: Search, fit: Fit, one: LearnedEffect, seen: Seen) -> bool:
     """Return whether a family changes the solid, so that the finite elements have to be asked."""
     unknowns = with_family(fit.unknowns, one, seen, 1.0)
     at = np.concatenate([fit.u, np.zeros(len(one.names))])
@@ -338,8 +226,8 @@ def _of_the_solid(search: Search, fit: Fit, one: LearnedEffect, seen: Seen) -> b
     return after and not before
 
 
-def _fit(
-    search: Search, base: Fit, promise: _Promise, seen: Seen, limit: Limit = NO_LIMIT
+def fit_family(
+    search: Search, base: Fit, promise: Promise, seen: Seen, limit: Limit = NO_LIMIT
 ) -> Fit | None:
     """Return the fit from where the linear picture leads, or from near the model as it is.
 
@@ -374,7 +262,7 @@ def _fitted_again(search: Search, fit: Fit, before: Fit) -> Fit:
     return fit if again is None else again
 
 
-def _scaled(search: Search, fit: Fit, one: LearnedEffect, seen: Seen) -> tuple[Fit, float]:
+def at_its_scale(search: Search, fit: Fit, one: LearnedEffect, seen: Seen) -> tuple[Fit, float]:
     """Return the fit at its likeliest scale, and log evidence with the scale integrated out."""
     fits = [replace(fit, unknowns=with_family(fit.unknowns, one, seen, s)) for s in SEARCH.scales]
     linear = search.linear(fit)

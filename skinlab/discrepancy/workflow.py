@@ -11,7 +11,7 @@ from skinlab.curves.campaign import Campaign
 from skinlab.discrepancy.cancelling import against_cancelling
 from skinlab.discrepancy.candidates import Candidate, Found, Partial, is_motion
 from skinlab.discrepancy.discipline import Discipline, Trial, repeats_um, shares_of
-from skinlab.discrepancy.families import against_families, find_families
+from skinlab.discrepancy.families import find_families
 from skinlab.discrepancy.fit import Fit, Fitter
 from skinlab.discrepancy.heldout import HeldOut, conditions_of, predict_held_out
 from skinlab.discrepancy.misfit import errors_of
@@ -22,6 +22,7 @@ from skinlab.discrepancy.placement_curves import with_stiffness_of
 from skinlab.discrepancy.planned_curve import PlannedErrors
 from skinlab.discrepancy.posterior import gaussian, sample
 from skinlab.discrepancy.records import by_condition, coarsened, records_of
+from skinlab.discrepancy.rival_functions import RivalFunctions
 from skinlab.discrepancy.screen import alike
 from skinlab.discrepancy.search import Search
 from skinlab.discrepancy.settings import ERRORS, NAMES, PLANS
@@ -281,7 +282,7 @@ def _tried(search: Search, found: Found, first: Verdict, progress: Callable[[str
     others = [*first.explanations[: NAMES.most_tied], *serving[: NAMES.most_tied]]
     discipline = _discipline(search, (found.base, *others))
     masks = [part.out for part in parts]
-    in_place: dict[str, float] = {}  # what functions do instead
+    rivals = RivalFunctions(search, found.base)
 
     def trials(best: Candidate, tied: Sequence[Candidate]) -> tuple[Trial, ...]:
         stood = discipline.trials(best, found.base, serving, masks, held[best.effects], tied)
@@ -289,7 +290,7 @@ def _tried(search: Search, found: Found, first: Verdict, progress: Callable[[str
             apart = against_cancelling(fitter, found.base, best)
             stood += [] if apart is None else [apart]
             if apart is None or apart.passed:
-                stood.append(against_families(search, found.base, best, in_place))
+                stood.append(rivals.against(best))
         return tuple(stood)
 
     each: list[tuple[Trial, ...]] = []
