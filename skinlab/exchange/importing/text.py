@@ -17,6 +17,7 @@ DECIMALS = {"point": ".", "comma": ","}
 _LONGEST_LINE = 10_000
 _SAMPLE_LINES = 2_000
 _DIGITS = re.compile(r"[0-9]+")
+_HALF_DAY = re.compile(r"(?<=[0-9]) +(?=[AP]M\b)", re.IGNORECASE)  # of a time: 1:02:03 PM
 
 
 def table_from_text(text: str, answers: Answers) -> tuple[Table, str]:
@@ -70,7 +71,7 @@ def _cut(raw: Sequence[str], separator: str) -> list[Line]:
         if separator == "space":
             # "Time (s)" is one name; where names have spaces, two of them may separate
             bare = text.lstrip(" \t#%")
-            cells = re.sub(r"\s+(?=[(\[])", "", bare).split()
+            cells = _HALF_DAY.sub("", re.sub(r"\s+(?=[(\[])", "", bare)).split()
             loose = re.split(r"\s{2,}|\t", bare.strip())
         else:
             try:

@@ -627,19 +627,64 @@ def test_seconds_are_taken_before_a_clock():
         (["10:59:59", "11:00:61"] * 5, "line 3: the time is '11:00:61'; expected hh:mm:ss, or"),
         (["10:59:59", "10:59:58"] * 5, "line 3: time 39598 s does not increase"),
         ([f"{h}:00:00" for h in (1, 23, 0, 23, 0, 1)], "does not increase"),
-        (["10:20:33 AM", "10:20:34 AM"] * 5, "is not a number in most rows; expected numbers, or"),
+        (["10:20:33 xm", "10:20:34 xm"] * 5, "is not a number in most rows; expected numbers, or"),
+        (
+            ["1:20 PM", "1:21 PM"] * 5,
+            "line 2: the time '1:20 PM' has no seconds; expected hh:mm:ss",
+        ),
+        (["13:20:33 PM"] * 9, "line 2: the time is '13:20:33 PM'; expected hh:mm:ss"),
+        (["1:20:33 PM", "1:20:34"] * 5, "line 3: the time '1:20:34' is of another form than that"),
+        (["29.11.2026 10:03"] * 9, "line 2: the time '29.11.2026 10:03' has no seconds"),
+        (["31.11.2026 10:03:05"] * 9, "line 2: there is no date '31.11.2026'; expected one as"),
     ],
 )
 def test_a_clock_that_may_be_read_in_two_ways_is_refused(texts, says):
     assert says in refusal(clocked(texts))
 
 
-def test_a_workbook_may_have_times_of_the_day():
+@pytest.mark.parametrize("separator", [";", ",", "\t", " "])
+@pytest.mark.parametrize("half", ["{} {}", "{}{}", "{} {}."])
+def test_a_clock_may_have_am_and_pm(separator, half):
+    """Noon and midnight are 12, and were not read at all."""
+    if separator == " " and half.endswith("."):
+        half = "{} {}"
+    for begin_s in (37_233.05, 43_198.0, 46_798.0, 86_398.0):
+        texts = []
+        for i in range(101):
+            text = clock(begin_s + 0.05 * i)
+            hour = int(text[:2])
+            text = f"{hour % 12 or 12}{text[2:]}"
+            texts.append(half.format(text, ("AM", "PM")[hour >= 12]))
+        imported = read(clocked(texts).replace(";", separator))
+        np.testing.assert_allclose(imported.curve.time_s, begin_s + 0.05 * np.arange(101))
+
+
+DATES = [
+    "%Y-%m-%d %H:%M:%S.%f", "%Y-%m-%dT%H:%M:%S.%fZ", "%Y-%m-%dT%H:%M:%S.%f+01:00",
+    "%d.%m.%Y %H:%M:%S,%f", "%d.%m.%y, %H:%M:%S.%f", "%d/%m/%Y %H:%M:%S.%f",
+    "%m/%d/%Y %I:%M:%S.%f %p", "%Y/%m/%d %H:%M:%S.%f", "%d-%b-%Y %H:%M:%S.%f",
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("form", DATES)
+@pytest.mark.parametrize(
+    "begin",
+    [(2026, 11, 29, 10, 3), (2026, 5, 6, 23, 59), (2026, 12, 31, 23, 59), (2026, 5, 31, 23, 59)],
+)
+def test_a_clock_may_have_the_date_before_it(form, begin):
+    first = datetime(*begin, 58)
+    texts = [(first + timedelta(milliseconds=50 * i)).strftime(form) for i in range(101)]
+    curve = read(clocked(texts)).curve
+    np.testing.assert_allclose(curve.time_s - curve.time_s[0], 0.05 * np.arange(101), atol=1e-9)
+
+
+@pytest.mark.parametrize("dated", [False, True])
+def test_a_workbook_may_have_times_of_the_day(dated):
     book = openpyxl.Workbook()
     book.active.append(["Time", "p (mbar)", "w (mm)"])
     for i in range(101):
         at = datetime(2026, 3, 1, 10) + timedelta(milliseconds=50 * i)
-        book.active.append([at.time(), float(i), 0.003 * i])
+        book.active.append([at if dated else at.time(), float(i), 0.003 * i])
     stream = io.BytesIO()
     book.save(stream)
     time_s = read(stream.getvalue()).curve.time_s
