@@ -21,6 +21,7 @@ from skinlab.curves.suction import check_suction
 from skinlab.errors import InputError
 from skinlab.exchange.importing.columns import Channel, find_channels
 from skinlab.exchange.importing.decode import decode
+from skinlab.exchange.importing.one_curve import check_one_curve
 from skinlab.exchange.importing.pressure import (
     follow_program,
     from_the_start,
@@ -140,6 +141,7 @@ def _import(path: Path, data: bytes, setup: Setup, answers: Answers) -> Imported
             f"{counted(len(table.lines), 'sample')}; expected at least {SAMPLES.fewest}"
         )
     answers.begin([heading.text for heading in table.headings])
+    check_one_curve(table, setup)
     channels = find_channels(table, answers, pressure=setup.program is None)
     curve, notes = _curve(path.name, setup, table, channels, answers)
     understood = (form, *_columns(channels), *_lines(table), *notes, *answers.recalled)

@@ -42,12 +42,15 @@ class Line:
 class Table:
     """The table: headings (n,), columns (n,) of values (rows,), None where one is not numeric.
 
-    `clocks` are the cells (rows,) of columns that begin with a time of a clock, by index.
+    `clocks` are the cells (rows,) of columns that begin with a time of a clock, by index, and
+    `constants` those of columns that tell of a whole curve.
     """
 
     headings: tuple[Heading, ...]
     columns: tuple[NDArray[np.float64] | None, ...]
     clocks: Mapping[int, tuple[str, ...]]
+    constants: Mapping[int, tuple[Cell, ...]]
+    decimal: str
     lines: tuple[int, ...]  # (rows,) number of each row's line
     header_line: int  # that of the headings; of the first row where there are none
     before: int  # lines before the table that were not used
@@ -197,14 +200,21 @@ def finish(lines: Sequence[Line], draft: Draft) -> Table:
     columns: list[NDArray[np.float64] | None] = [None] * width
     for position, k in enumerate(numbers):
         columns[k] = values[:, position]
+    cells = [line.cells + ("",) * (width - len(line.cells)) for line in lines[begin:end]]
     return Table(
         headings,
         tuple(columns),
         {
-            k: tuple(str(line.cells[k]) if k < len(line.cells) else "" for line in lines[begin:end])
-            for k, cell in enumerate(lines[begin].cells)
+            k: tuple(str(row[k]) for row in cells)
+            for k, cell in enumerate(cells[0])
             if is_clock(cell)
         },
+        {
+            k: tuple(row[k] for row in cells)
+            for k, heading in enumerate(headings)
+            if heading.constant is not None
+        },
+        draft.decimal,
         tuple(line.number for line in lines[begin:end]),
         header_line=lines[begin - draft.used if names else begin].number,
         before=begin - (draft.used if names else 0),

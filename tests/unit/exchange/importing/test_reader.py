@@ -566,6 +566,55 @@ def test_a_peak_that_a_ramp_goes_to_is_no_glitch():
     assert said.startswith("line 15: a pressure of 650 mbar; expected a suction")
 
 
+# ---- several curves in one table -----------------------------------------------------------------
+
+
+def labelled(heading, *labels):
+    """A file of a ramp with a column more, whose labels share the rows."""
+    lines = rows().splitlines()
+    each = len(lines) // len(labels) + 1
+    table = "".join(f"{row};{labels[i // each]}\n" for i, row in enumerate(lines))
+    return f"t (s);p (mbar);w (mm);{heading}\n{table}"
+
+
+@pytest.mark.parametrize("stated", [{}, {"deflection_column": "w (mm)"}])
+@pytest.mark.parametrize(
+    ("heading", "labels", "says"),
+    [
+        ("aperture_mm", (6, 2), "line 53: column 'aperture_mm' is 2, and the curve is stated to"),
+        ("Öffnung [mm]", (2,), "line 2: column 'Öffnung [mm]' is 2, and the curve is stated to be"),
+        ("probe opening", ("6 mm", "2 mm"), "line 53: column 'probe opening' is '2 mm', and"),
+        ("Curve", (1, 2), "line 53: column 'Curve' is '2', and '1' before it: another curve"),
+        ("Messung Nr.", ("a", "b", "c"), "line 36: column 'Messung Nr.' is 'b', and 'a' before"),
+        ("Site", ("left", "right"), "line 53: column 'Site' is 'right', and 'left' before it"),
+    ],
+)
+def test_a_column_that_tells_of_several_curves_refuses_them(heading, labels, says, stated):
+    """Both had been one curve, once somebody had said which of the lengths is the deflection."""
+    told = refusal(labelled(heading, *labels), **stated)
+    assert told.startswith(says)
+    assert "expected one curve" in told
+
+
+@pytest.mark.parametrize(
+    ("heading", "labels"),
+    [
+        ("aperture (mm)", (6,)),
+        ("aperture (µm)", (6000,)),
+        ("opening radius", (3,)),
+        ("valve opening (%)", (0, 50)),
+        ("opening", (0, 1)),
+        ("skin thickness (mm)", (1.2,)),
+        ("curve", ("", 1)),
+        ("curve", range(101)),
+        ("phase", ("load", "unload")),
+        ("cycle", (1, 2)),
+    ],
+)
+def test_a_column_beside_a_curve_is_no_other_curve_and_no_deflection(heading, labels):
+    check_ramp(read(labelled(heading, *labels)))
+
+
 # ---- times of a clock ----------------------------------------------------------------------------
 
 
