@@ -552,8 +552,33 @@ def test_a_glitch_of_the_pressure_is_told_and_is_no_other_unit(at, sign, mbar):
     assert np.flatnonzero(pressure_glitches(with_program, 0.0)).tolist() == list(at)
 
 
+@pytest.mark.parametrize("program", [PLAIN, RAMP])
+@pytest.mark.parametrize("mbar", [700, 5000, -5000, -60])
+@pytest.mark.parametrize("at", [(0,), (0, 1), (100,), (99, 100), (0, 100)], ids=str)
+def test_a_glitch_may_be_the_first_or_the_last_reading(at, mbar, program):
+    """It had refused the whole file."""
+    imported = read(off(at, mbar), program)
+    told = [note for note in imported.understood if "a glitch, which no fit uses" in note]
+    assert [note.partition(":")[0] for note in told] == [f"line {i + 2}" for i in at]
+    curve = imported.curve
+    assert len(curve) == 101
+    assert set(curve.phase) == {"load"}
+    assert np.flatnonzero(pressure_glitches(curve, 0.0)).tolist() == list(at)
+
+
+def test_a_reading_far_below_zero_may_be_a_glitch():
+    """One of -60 mbar had refused a file whose other readings go from 0 to 100."""
+    imported = read(off((40,), -60))
+    assert "line 42: a pressure of -60 mbar stands alone" in "; ".join(imported.understood)
+    imported = read(off((40,), 60, sign=-1))
+    assert imported.curve.pressure_mbar[-1] == 100
+    assert "line 42: a pressure of -60 mbar stands alone" in "; ".join(imported.understood)
+
+
 @pytest.mark.parametrize(
-    "at", [range(40, 45), range(98, 101), range(5, 95, 9)], ids=["a row", "the top", "many"]
+    "at",
+    [range(40, 45), range(98, 101), range(3), range(5, 95, 9)],
+    ids=["a row", "the top", "the start", "many"],
 )
 def test_a_pressure_that_was_too_high_for_long_is_refused(at):
     assert f"line {at[0] + 2}: a pressure of 700 mbar; expected" in refusal(off(at, 700))
