@@ -56,7 +56,7 @@ def read_heading(text: str, unit_text: str = "") -> Heading:
     text = text.strip(" \t\"'#%")
     name, unit, bracketed = _take_apart(text)
     if unit_text.strip():
-        name, unit, bracketed = text, find_unit(unit_text), True
+        name, unit, bracketed = text, _agreed(unit, find_unit(unit_text), bracketed), True
     named = _named(name)
     of_length = not bracketed if unit is None else unit.role == "deflection"
     if named is None and of_length and (constant := _constant(name)) is not None:
@@ -66,6 +66,14 @@ def read_heading(text: str, unit_text: str = "") -> Heading:
         return Heading(text, None if unit is None or doubtful else unit.role, unit)
     # A name and a unit that contradict each other leave the unit open.
     return Heading(text, named, unit if unit is not None and unit.role == named else None)
+
+
+def _agreed(unit: Unit | None, below: Unit | None, bracketed: bool) -> Unit | None:
+    """Return the unit of a line of units, unless the heading has another: that leaves it open."""
+    if unit is None or below is None or (not bracketed and unit.name in _DOUBTFUL):
+        return below
+    same = (unit.role, unit.times, unit.over) == (below.role, below.times, below.over)
+    return below if same else None
 
 
 def _take_apart(text: str) -> tuple[str, Unit | None, bool]:

@@ -17,7 +17,7 @@ from skinlab.curves.csv import COLUMNS, read_curve
 from skinlab.curves.curve import Curve, Setup
 from skinlab.curves.program_check import check_program
 from skinlab.curves.settings import SAMPLES
-from skinlab.curves.suction import check_suction
+from skinlab.curves.suction import check_outward, check_suction
 from skinlab.errors import InputError
 from skinlab.exchange.importing.columns import Channel, find_channels
 from skinlab.exchange.importing.decode import decode
@@ -154,6 +154,9 @@ def _columns(channels: Mapping[Role, Channel]) -> list[str]:
 
 def _lines(table: Table) -> list[str]:
     said = [f"{len(table.lines)} samples, lines {table.lines[0]}-{table.lines[-1]}"]
+    gaps = np.flatnonzero(np.diff(table.lines) > 1)
+    if gaps.size:
+        said.append(f"empty lines among them, the first behind line {table.lines[int(gaps[0])]}")
     if table.before or table.after:
         said.append(f"other lines not used: {table.before} before, {table.after} after")
     return said
@@ -175,17 +178,29 @@ def _curve(
             f"(before it: {time[k]:g} s)"
         )
     deflection, notes = _outward(channels["deflection"].values, answers)
+    step_s = float(np.median(np.diff(time)))
+    if step_s >= SAMPLES.slow_s and setup.program is None:  # else the program tells
+        whole = f"{time[-1] - time[0]:.0f} s in all"
+        notes.append(f"a sample every {step_s:g} s, and {whole}: is the time in milliseconds?")
     _check_deflection(deflection, setup, table)
     curve = Curve(name, setup, time, np.zeros(len(time)), deflection)
     if "pressure" in channels:
         pressure, more = suction(time, channels["pressure"].values, table)
-        curve = replace(curve, pressure_mbar=pressure)
+        curve = _checked_outward(replace(curve, pressure_mbar=pressure))
         if setup.program is not None:
             curve, started = from_the_start(curve, answers)
             more += ["the pressure is the file's, not the program's", *started]
         return curve, [*notes, *more]
     curve, more = follow_program(curve, answers)
-    return curve, [*notes, *more]
+    return _checked_outward(curve), [*notes, *more]
+
+
+def _checked_outward(curve: Curve) -> Curve:
+    try:
+        check_outward(curve)
+    except InputError as error:
+        raise InputError(str(error).removeprefix(f"{curve.name}: ")) from None
+    return curve
 
 
 def _outward(deflection: Array, answers: Answers) -> tuple[Array, list[str]]:

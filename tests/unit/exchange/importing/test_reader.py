@@ -591,6 +591,70 @@ def test_a_peak_that_a_ramp_goes_to_is_no_glitch():
     assert said.startswith("line 15: a pressure of 650 mbar; expected a suction")
 
 
+# ---- odd forms -----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("separator", "sign", "word"), [(";", ".", "point"), (";", ",", "comma"), ("\t", ".", "point")]
+)
+@pytest.mark.parametrize("which", [1, 2])
+def test_what_may_separate_thousands_is_refused(separator, sign, word, which):
+    """1.005 µm had come behind 990 µm, and 0.1 mbar behind 99."""
+    lines = []
+    for i in range(101):
+        cells = [str(i), str(100 * i) if which == 1 else str(i), str(15 * i)]
+        cells[which] = f"{int(cells[which]):,}".replace(",", sign)
+        lines.append(separator.join(cells) + "\n")
+    text = separator.join(["t (s)", "p (Pa)" if which == 1 else "p (mbar)", "w (µm)"]) + "\n"
+    line = 12 if which == 1 else 69
+    told = refusal(text + "".join(lines))
+    assert told.startswith(f"line {line}: the {('pressure', 'deflection')[which - 1]} (column ")
+    assert told.endswith(f"without such separators, or --decimal {word} if it is the decimal sign")
+    if which == 2:  # read so, it is no dome
+        assert "falls" in refusal(text + "".join(lines), decimal=word)
+
+
+def test_whole_numbers_beside_decimals_are_no_thousands():
+    text = "t (s);p (mbar);w (mm)\n"
+    text += "".join(f"{0.125 * i:g};{1.5 * i:g};{0.003 * i:g}\n" for i in range(41))
+    np.testing.assert_allclose(read(text).curve.deflection_mm, 0.003 * np.arange(41))
+
+
+@pytest.mark.parametrize("setup", [PLAIN, RAMP])
+def test_a_height_that_falls_under_suction_is_refused(setup):
+    """A distance to the skin was imported as it is, and only identify said no."""
+    lines = (f"{0.05 * i:.2f};{i};{5 - 0.003 * i:.4f}\n" for i in range(101))
+    told = refusal("t (s);p (mbar);distance (mm)\n" + "".join(lines), setup)
+    assert told.startswith("deflection_mm falls by 0.2")
+
+
+def test_empty_lines_among_the_rows_are_told():
+    lines = rows().splitlines(keepends=True)
+    imported = read("t (s);p (mbar);w (mm)\n" + "".join([*lines[:50], "\n", "\n", *lines[50:]]))
+    check_ramp(imported)
+    assert "empty lines among them, the first behind line 51" in imported.understood
+
+
+def test_a_time_that_seems_to_be_in_milliseconds_is_asked_about():
+    told = read("t (s);p (mbar);w (mm)\n" + rows(scale=(1000, 1, 1))).understood
+    assert "a sample every 50 s, and 5000 s in all: is the time in milliseconds?" in told
+
+
+@pytest.mark.parametrize("separator", [";", ","])
+def test_headings_over_several_lines_and_blanks_before_quotes(separator):
+    head = separator.join(['"Time\n(s)"', '"Pressure\n(mbar)"', ' "Skin\nheight\n(mm)"'])
+    lines = rows(f'"{separator} "', ".").splitlines()
+    check_ramp(read(f"{head}\n" + "".join(f'"{line}"\n' for line in lines)))
+    check_ramp(read('Probe 1/4", new\nt (s);p (mbar);w (mm)\n' + rows()))
+
+
+def test_a_line_of_units_that_contradicts_the_headings_leaves_them_open():
+    """Those of the line had counted, in silence: ten times the pressure."""
+    text = "Time;Pressure (mbar);Height\ns;{};mm\n" + rows(scale=(1, 0.5, 1))
+    assert "the unit of the pressure" in refusal(text.format("kPa"))
+    assert read(text.format("hPa")).curve.pressure_mbar[-1] == 50.0
+
+
 # ---- several curves in one table -----------------------------------------------------------------
 
 
