@@ -45,7 +45,7 @@ def _check_opening(table: Table, k: int, values: Sequence[float], setup: Setup) 
 
 def _check_curve(table: Table, k: int, cells: tuple[Cell, ...]) -> None:
     """Refuse several labels; what is another one in nearly each row is none."""
-    labels = [str(cell).strip() for cell in cells]
+    labels = [f"{c:g}" if isinstance(c, float) else c.strip() for c in cells]
     told = {label for label in labels if label}
     if not 1 < len(told) <= len(labels) / SAMPLES.fewest:
         return

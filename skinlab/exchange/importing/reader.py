@@ -40,6 +40,7 @@ Array = NDArray[np.float64]
 
 MOST_BYTES = 64 << 20
 _HEAD_BYTES = 4096
+_SHORT_S = 0.1  # no suction comes and goes in so short a time
 _ZERO_MM = 0.02  # a zero may be off by it
 _ZIP, _OLE = b"PK\x03\x04", b"\xd0\xcf\x11\xe0"
 
@@ -178,10 +179,8 @@ def _curve(
             f"(before it: {time[k]:g} s)"
         )
     deflection, notes = _outward(channels["deflection"].values, answers)
-    step_s = float(np.median(np.diff(time)))
-    if step_s >= SAMPLES.slow_s and setup.program is None:  # else the program tells
-        whole = f"{time[-1] - time[0]:.0f} s in all"
-        notes.append(f"a sample every {step_s:g} s, and {whole}: is the time in milliseconds?")
+    if setup.program is None:  # else the program tells
+        notes += _odd_times(time)
     _check_deflection(deflection, setup, table)
     curve = Curve(name, setup, time, np.zeros(len(time)), deflection)
     if "pressure" in channels:
@@ -193,6 +192,17 @@ def _curve(
         return curve, [*notes, *more]
     curve, more = follow_program(curve, answers)
     return _checked_outward(curve), [*notes, *more]
+
+
+def _odd_times(time_s: Array) -> list[str]:
+    """Return a question where times are likely to be of another unit: a slow rig may have them."""
+    step_s, whole_s = float(np.median(np.diff(time_s))), float(time_s[-1] - time_s[0])
+    if step_s >= SAMPLES.slow_s:
+        every = f"a sample every {step_s:g} s, and {whole_s:.0f} s in all"
+        return [f"{every}: is the time in milliseconds?"]
+    if whole_s < _SHORT_S:
+        return [f"{whole_s:.2g} s in all: is the time in minutes, or in days as of a spreadsheet?"]
+    return []
 
 
 def _checked_outward(curve: Curve) -> Curve:

@@ -83,8 +83,8 @@ def exports(draw):
     units = [draw(st.sampled_from(sorted(table))) for table in (TIMES, PRESSURES, LENGTHS)]
     counts = [
         np.cumsum(steps),
-        np.array(draw(st.lists(st.integers(0, 9999), min_size=n, max_size=n))) + 1,
-        np.array(draw(st.lists(st.integers(-1, 599), min_size=n, max_size=n))),
+        np.sort(draw(st.lists(st.integers(0, 9999), min_size=n, max_size=n))) + 1,
+        np.sort(draw(st.lists(st.integers(-1, 599), min_size=n, max_size=n))),  # it is a dome
     ]
     places = [draw(st.integers(2, 4)), 3, 3]
     factors = [TIMES[units[0]], PRESSURES[units[1]], LENGTHS[units[2]]]
@@ -325,6 +325,12 @@ def test_a_workbook(shift):
     imported = read(workbook(("notes", [["hello"]]), ("Curve 1", TABLE), shift=shift))
     check_ramp(imported)
     assert imported.understood[0] == "sheet 'Curve 1'"
+
+
+def test_a_workbook_of_two_curves_says_which_number_is_another_one():
+    table = [[*row, 1 + k // 60] for k, row in enumerate(CELLS)]
+    told = refusal(workbook(("a", [[*TABLE[2], "Curve"], *table])))
+    assert told.startswith("line 62: column 'Curve' is '2', and '1' before it: another curve")
 
 
 def test_a_workbook_whose_numbers_are_texts():
@@ -635,9 +641,12 @@ def test_empty_lines_among_the_rows_are_told():
     assert "empty lines among them, the first behind line 51" in imported.understood
 
 
-def test_a_time_that_seems_to_be_in_milliseconds_is_asked_about():
+def test_a_time_that_seems_to_be_of_another_unit_is_asked_about():
     told = read("t (s);p (mbar);w (mm)\n" + rows(scale=(1000, 1, 1))).understood
     assert "a sample every 50 s, and 5000 s in all: is the time in milliseconds?" in told
+    days = [[time_s / 86_400, p, w] for time_s, p, w in CELLS]
+    told = read(workbook(("Curve 1", [*TABLE[:3], *days]))).understood
+    assert "5.8e-05 s in all: is the time in minutes, or in days as of a spreadsheet?" in told
 
 
 @pytest.mark.parametrize("separator", [";", ","])
