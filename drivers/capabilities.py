@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, fields
 
+APERTURES_MM = (2.0, 4.0, 6.0, 8.0)  # diameters of the openings that probes have
 READ_ONLY = "this instrument is not under our control: its own limits hold"
 CANNOT_VENT = "it cannot be vented from here"
 
@@ -53,6 +54,11 @@ class Stream:
 
     def __post_init__(self) -> None:
         """Refuse what makes no sense."""
+        if self.aperture_mm is not None and self.aperture_mm not in APERTURES_MM:
+            known = ", ".join(f"{a:g}" for a in APERTURES_MM)
+            raise ValueError(
+                f"aperture_mm is {self.aperture_mm:g}; expected one of {known} (the diameter)"
+            )
         for field in fields(self)[1:]:
             value = getattr(self, field.name)
             if value is not None and not (math.isfinite(value) and value > 0):

@@ -25,10 +25,11 @@ class Dose:
 
 
 class DoseMeter:
-    """Sums up the samples of any number of runs, by the instrument's clock.
+    """Sums up the samples of any number of runs.
 
-    Between two samples the suction is the mean of both; it counts where either is SUCTION_MBAR or
-    more, so that neither a dip nor samples that were lost make it less.
+    By the host's clock where samples tell it, because nobody held the instrument's to it; else by
+    the instrument's. Between two samples the suction is the mean of both; it counts where either
+    is SUCTION_MBAR or more, so that neither a dip nor samples that were lost make it less.
     """
 
     def __init__(self, before: Dose = Dose()) -> None:
@@ -43,6 +44,8 @@ class DoseMeter:
         if max(last.pressure_mbar, sample.pressure_mbar) < SUCTION_MBAR:
             return
         step_s = sample.device_time_s - last.device_time_s
+        if sample.host_time_s is not None and last.host_time_s is not None:
+            step_s = max(0.0, sample.host_time_s - last.host_time_s)
         mean_mbar = max(0.0, (last.pressure_mbar + sample.pressure_mbar) / 2)
         self.total += Dose(mean_mbar * step_s, step_s)
 

@@ -317,7 +317,7 @@ class Engine:
     def _feed(self, data: bytes) -> None:
         now = self._clock()
         try:
-            self._connection.receive_data(data)
+            self._connection.receive_data(data, now)
         except RemoteProtocolError as error:
             self._blame(error, now)
         while True:

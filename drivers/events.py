@@ -6,7 +6,7 @@ Pressure is suction: +100 mbar pulls the skin up.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import StrEnum
 
 PROGRAM_END = "program end"  # reason of the State with which a run that was not cut short ends
@@ -148,6 +148,8 @@ class Sample:
     pressure_mbar: float
     deflection_mm: float
     segment: int
+    # The host's, when its bytes came; told where nobody holds the instrument's clock to it
+    host_time_s: float | None = field(default=None, compare=False, repr=False)
 
 
 @dataclass(frozen=True, slots=True)

@@ -20,14 +20,15 @@ class Incoming(ABC):
         self._dialect = guarded(dialect)
         self._buffer = bytearray()
         self._ready: deque[Event] = deque()
+        self._host_time_s: float | None = None  # of the bytes that came last
 
     @property
     def backlog_bytes(self) -> int:
         """How many bytes wait for what comes next, or for `next_event`."""
         return len(self._buffer)
 
-    def receive_data(self, data: bytes) -> None:
-        """Take bytes from the instrument, in pieces of any size.
+    def receive_data(self, data: bytes, host_time_s: float | None = None) -> None:
+        """Take bytes from the instrument, in pieces of any size, and when they came.
 
         Raises RemoteProtocolError when more than MAX_BACKLOG_BYTES wait for `next_event`; these
         are then dropped.
@@ -36,6 +37,8 @@ class Incoming(ABC):
             self._buffer.clear()
             raise RemoteProtocolError(f"more than {MAX_BACKLOG_BYTES} bytes came at once")
         self._buffer += data
+        if data:
+            self._host_time_s = host_time_s
 
     def next_event(self) -> Event | None:
         """Give the next event, or None where more bytes are needed.

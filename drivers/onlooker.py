@@ -43,8 +43,8 @@ class Onlooker:
         self._silent_s = silent_s
         self._alarm: str | None = None
         self._said: set[str] = set()  # since the suction began
-        self._dose = DoseMeter()
-        self._by_host = DoseMeter()  # the same by the host's clock: the other's rate may be wrong
+        self._dose = DoseMeter()  # by the instrument's clock, whose rate may be wrong
+        self._by_host = DoseMeter()
         self._pulls = False  # at the last reading
         self._read_at = 0.0  # host time of it
         self._step_s = 0.0
@@ -73,8 +73,8 @@ class Onlooker:
 
     @property
     def dose(self) -> Dose:
-        """What the site has had so far."""
-        return self._dose.total
+        """What the site has had so far, by the clock that says more."""
+        return max(self._dose.total, self._by_host.total, key=lambda dose: dose.suction_mbar_s)
 
     def carry_dose(self, dose: Dose) -> None:
         """Go on from what the site has had before."""
@@ -144,8 +144,10 @@ class Onlooker:
 
     def _on_sample(self, sample: Sample, now: float) -> list[SafetyEvent]:
         limits, pressure = self._limits, sample.pressure_mbar
-        self._dose.add(sample)
-        self._by_host.add(replace(sample, device_time_s=now))
+        came_s = now if sample.host_time_s is None else sample.host_time_s
+        self._dose.add(replace(sample, host_time_s=None))
+        # As if all were one run: what nobody saw between two is suction, too
+        self._by_host.add(replace(sample, device_time_s=came_s, host_time_s=None))
         self._unread = 0
         passed_s, self._read_at = now - self._read_at, now
         pulls = pressure >= limits.vent_pressure_mbar
@@ -170,7 +172,7 @@ class Onlooker:
             return self._raise(
                 "suction", f"suction for more than {limits.max_suction_s:g} s without a pause"
             )
-        had = max(self.dose.suction_mbar_s, self._by_host.total.suction_mbar_s)
+        had = self.dose.suction_mbar_s
         if had > limits.max_dose_mbar_s:
             return self._raise(
                 "dose",

@@ -39,6 +39,7 @@ from drivers.incoming import Incoming
 from drivers.limits import DEFAULT_LIMITS, NO_ABILITIES, Limits
 
 _HELD_S = 10.0  # between zero and `begin_mbar`; what stays there for longer begins no run
+_Held = tuple[float, int, Reading, float | None]  # time, count, reading, host's time of it
 _MICRO = 6  # digits of times: sums of floats end a little off
 _WORD, _STOP, _LOST = b"follow", b"stop", b"lost"
 
@@ -94,7 +95,7 @@ class StreamConnection(Incoming):
         self._due: int | None = None
         self._step_s = 0.0
         self._seen_zero = False
-        self._held: list[tuple[float, int, Reading]] = []  # not yet known to be of a run, or not
+        self._held: list[_Held] = []  # not yet known to be of a run, or not
 
     @property
     def state(self) -> InstrumentState | None:
@@ -217,23 +218,25 @@ class StreamConnection(Incoming):
                 self._step_s = time_s - self._last[0]
         self._count, self._damaged = (count + 1, 0) if reading.sequence is None else (0, 0)
         self._last = time_s, count
+        one = time_s, count, reading, self._host_time_s
         if self._state is InstrumentState.RUNNING:
-            self._in_run(time_s, count, reading)
+            self._in_run(one)
         else:
-            self._between(time_s, count, reading)
+            self._between(one)
 
-    def _between(self, time_s: float, count: int, reading: Reading) -> None:
+    def _between(self, one: _Held) -> None:
+        time_s, _, reading, _ = one
         if not self._following:
-            self._give(time_s, count, reading)
+            self._give(*one)
             return
         at_zero = reading.pressure_mbar <= self._rule.zero_mbar
         if at_zero or not self._seen_zero:
             self._let_go()
         self._seen_zero = self._seen_zero or at_zero
         if not self._seen_zero:
-            self._give(time_s, count, reading)
+            self._give(*one)
             return
-        self._held.append((time_s, count, reading))
+        self._held.append(one)
         if reading.pressure_mbar >= self._rule.begin_mbar:
             self._begin()
         elif time_s - self._held[0][0] > _HELD_S:
@@ -246,17 +249,18 @@ class StreamConnection(Incoming):
         for one in held:
             self._give(*one)
 
-    def _in_run(self, time_s: float, count: int, reading: Reading) -> None:
+    def _in_run(self, one: _Held) -> None:
         assert self._origin is not None
+        time_s, _, reading, _ = one
         run_s = round(time_s - self._origin[0], _MICRO)
         if self._ends and run_s > self._ends[-1]:
             self._end(PROGRAM_DONE)
-            self._give(time_s, count, reading)
+            self._give(*one)
         elif reading.pressure_mbar > self._rule.zero_mbar:
             self._let_go()
-            self._give(time_s, count, reading)
+            self._give(*one)
         else:
-            self._held.append((time_s, count, reading))
+            self._held.append(one)
             if time_s - self._held[0][0] >= self._zero_s:
                 self._end(PROGRAM_DONE)
 
@@ -298,7 +302,7 @@ class StreamConnection(Incoming):
         for one in held:
             self._give(*one)
 
-    def _give(self, time_s: float, count: int, reading: Reading) -> None:
+    def _give(self, time_s: float, count: int, reading: Reading, host_time_s: float | None) -> None:
         if self._origin is None:
             self._origin = time_s, count
         since_s = round(time_s - self._origin[0], _MICRO)
@@ -318,6 +322,7 @@ class StreamConnection(Incoming):
                 reading.pressure_mbar,
                 reading.deflection_mm,
                 segment,
+                host_time_s,
             )
         )
 

@@ -5,11 +5,11 @@ from __future__ import annotations
 import math
 from pathlib import Path
 
+from drivers.capabilities import APERTURES_MM
 from sim_device.device import Device, Trace
 from sim_device.faults import load_fault_file
 from sim_device.files import SkinFile, load_skin_file
 
-APERTURES_MM = (2.0, 4.0, 6.0, 8.0)
 MAX_SPEED = 200.0  # beyond, the simulation could not keep up with itself
 
 

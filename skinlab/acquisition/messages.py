@@ -25,6 +25,7 @@ class Connected:
     goes_on: bool = False  # the session that was open before
     visit: tuple[str, str] | None = None  # subject and site, where a record says so
     probe: tuple[bool, str] | None = None  # whether it agrees, and a sentence
+    for_effect: frozenset[str] = frozenset()  # names of curves that a record says so of
 
 
 @dataclass(frozen=True, slots=True)

@@ -136,6 +136,7 @@ class Replayer:
             InputError: it cannot be read.
         """
         from skinlab.acquisition.replay import identifier_of, replay
+        from skinlab.recording.advised import MISSING_EFFECT, advised_curves
         from skinlab.recording.recorded import dialect_of, recorded_items
         from skinlab.recording.session import read_session
 
@@ -159,7 +160,9 @@ class Replayer:
             self._length_s = max(times, default=0.0) - self._begin_s
             hello = next((e.event for e in events if isinstance(e.event, Hello)), _NOBODY)
             whose = (str(meta.get("subject") or ""), str(meta.get("site") or ""))
-            self._post(Connected(port, hello, visit=whose))
+            because = advised_curves(session)
+            for_effect = frozenset(name for name, why in because.items() if why == MISSING_EFFECT)
+            self._post(Connected(port, hello, visit=whose, for_effect=for_effect))
             if events:
                 replay(session, identifier, [self._outbox.add, worker.listen], self.control)
             else:  # imported: there are curves, and nothing that came before them

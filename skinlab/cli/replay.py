@@ -52,10 +52,12 @@ def command(
     from skinlab.cli.keys import keys, on_terminal
     from skinlab.errors import InputError
     from skinlab.inference.result import Identification, document
+    from skinlab.recording.advised import MISSING_EFFECT, advised_curves
     from skinlab.recording.dose import dose_of
     from skinlab.recording.session import read_session
     from skinlab.recording.stream import Flagged, Identified, Message
     from skinlab.report.text import describe
+    from skinlab.report.verdict import FEW, FOR_EFFECT
 
     if ui:
         return _in_the_ui(session, speed or "1", database_path)
@@ -69,7 +71,12 @@ def command(
     if is_imported(recorded):
         sentence = "imported curves: there are no bytes to replay; the curves are identified again"
         echo(f"skinlab: {session}: {sentence}", err=True)
+    because = advised_curves(recorded)
     results: list[Identification] = []
+
+    def for_effect(index: int) -> bool:
+        return because.get(f"curve {index}") == MISSING_EFFECT
+
     control = ReplayControl(None if speed == "max" else float(speed), paused=paused)
     shown = _line(control) if on_terminal() and (paused or speed != "max") else None
 
@@ -78,9 +85,13 @@ def command(
             status_line("")
         if isinstance(message, Identified):
             results.append(message.result)
+            if for_effect(message.index):
+                echo(f"skinlab: curve {message.index}: {FOR_EFFECT}", err=True)
             if not as_json:
                 echo_text(describe(message.result))
         elif isinstance(message, Flagged):
+            if for_effect(message.index) and message.finding.gate == FEW:
+                return
             echo(f"skinlab: curve {message.index}: {message.finding}", err=True)
         elif shown is not None:
             shown(message)

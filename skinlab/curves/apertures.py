@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
+from drivers.capabilities import APERTURES_MM
 from skinlab.errors import InputError
-
-APERTURES_MM = (2.0, 4.0, 6.0, 8.0)  # diameters
 
 
 def check_aperture(aperture_mm: float) -> float:
@@ -20,3 +19,6 @@ def check_aperture(aperture_mm: float) -> float:
             "(the diameter)"
         )
     return float(aperture_mm)
+
+
+__all__ = ["APERTURES_MM", "check_aperture"]

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skinlab.curves.apertures import check_aperture
-from skinlab.curves.lone_readings import lone_readings, white_noise
+from skinlab.curves.lone_readings import white_noise, without_lone_readings
 from skinlab.curves.program import Phase, Program
 from skinlab.curves.settings import SAMPLES
 from skinlab.errors import InputError
@@ -236,9 +236,8 @@ def phases_from_pressure(pressure_mbar: Array) -> NDArray[np.str_]:
     p = np.asarray(pressure_mbar, dtype=float)
     n = len(p)
     phase = np.full(n, "load", dtype="U6")
-    noise, at = white_noise(p), np.arange(n, dtype=float)
-    lone = lone_readings(at, p, noise)
-    p = np.interp(at, at[~lone], p[~lone]) if lone.any() else p
+    noise = white_noise(p)
+    p = without_lone_readings(np.arange(n, dtype=float), p)
     top = float(p.max(initial=0.0))
     if n < SAMPLES.fewest or top <= 0:
         return phase

@@ -9,6 +9,7 @@ from drivers.dose import Dose, DoseMeter
 from drivers.events import Sample
 from skinlab.errors import InputError
 from skinlab.recording.audit import entries
+from skinlab.recording.clocks import clock_readings
 from skinlab.recording.session import Session, read_session
 
 VISIT_S = 12 * 3600.0  # what was measured earlier belongs to another visit
@@ -18,7 +19,8 @@ def dose_of(session: Session) -> Dose:
     """Return the dose of a whole session, as its audit trail has it.
 
     Where the trail ends before the last run did (a crash, a file of an older version), it is that
-    of the curves: the vents after them are missing in it.
+    of the curves: the vents after them are missing in it. Of an instrument that nobody controls by
+    the host's clock, as when live.
     """
     noted: Dose | None = None
     for entry in entries(session.records):
@@ -29,10 +31,19 @@ def dose_of(session: Session) -> Dose:
     if noted is not None:
         return noted
     meter = DoseMeter()
-    for curve in session.curves:
+    for curve, rate in zip(session.curves, _rates(session), strict=True):
         for time_s, mbar in zip(curve.time_s, curve.pressure_mbar, strict=True):
-            meter.add(Sample(0, float(time_s), float(mbar), 0.0, 0))
+            meter.add(Sample(0, float(time_s) / rate, float(mbar), 0.0, 0))
     return meter.total
+
+
+def _rates(session: Session) -> list[float]:
+    """Return by curve how fast the instrument's clock went, where nobody held it to the host's."""
+    rates = [1.0] * len(session.curves)
+    if "control" in session.meta:  # it is said of what is read only
+        for k, clock in enumerate(clock_readings(session.meta, session.records)[: len(rates)]):
+            rates[k] = 1.0 if clock is None else clock.rate
+    return rates
 
 
 def dose_before(

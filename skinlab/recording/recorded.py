@@ -93,7 +93,7 @@ def numbered_items(
                 begun = True
             try:
                 if record.kind is Kind.RECEIVED:
-                    connection.receive_data(record.data)
+                    connection.receive_data(record.data, record.host_time_s)
                 elif isinstance(connection, StreamConnection):
                     connection.mark(record.data)
             except RemoteProtocolError:

@@ -12,6 +12,7 @@ from skinlab.report.flags import explanations, signed
 from skinlab.report.measured import Measured
 from skinlab.report.page import Illustration, Section, Table
 from skinlab.report.text import errors_in_words
+from skinlab.report.verdict import FOR_EFFECT
 
 _DERIVED = {NU_CONSISTENT: ("ν of linear elasticity", ""), KAPPA: ("κ", "MPa")}
 
@@ -53,6 +54,10 @@ def curve_section(measured: Measured, figures: Sequence[Illustration]) -> Sectio
     if curve.partial:
         why = f": {measured.judged.cut}" if measured.judged.cut else ""
         paragraphs.append(f"The curve was cut short{why}.")
+    if measured.for_effect:
+        paragraphs.append(f"It was measured as was advised: {FOR_EFFECT}.")
+    elif measured.advised:
+        paragraphs.append(f"It was measured as was advised for a goal: {measured.advised}.")
     if isinstance(fit, str):
         paragraphs.append(fit)
     elif fit.remark:

@@ -7,8 +7,9 @@ import numpy as np
 from skinlab.inference.flags import CATALOGUE
 from skinlab.mechanics.names import label
 from skinlab.quality.gates import all_gates
-from skinlab.report.measured import Measured
+from skinlab.report.measured import Measured, scolded
 from skinlab.report.text import times_the_noise
+from skinlab.report.verdict import FEW
 
 
 def signed(correlation: float) -> str:
@@ -20,7 +21,9 @@ def explanations(measured: Measured) -> list[str]:
     """Return a point for each flag and finding: its name, what it says, what to do."""
     points = []
     told = {finding.gate for finding in measured.judged.findings}
-    for finding in measured.judged.findings:
+    if measured.for_effect:
+        told.add(FEW)
+    for finding in scolded(measured):
         sentence = finding.sentence[:1].upper() + finding.sentence[1:]
         advice = finding.advice[:1].upper() + finding.advice[1:]
         points.append(f"{finding.gate}: {sentence}. What to do: {advice}.")

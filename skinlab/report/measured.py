@@ -10,10 +10,12 @@ from skinlab.errors import InputError
 from skinlab.inference.identify import Identifier
 from skinlab.inference.stored import StoredResult, stored_result
 from skinlab.quality.gates.base import Finding
+from skinlab.recording.advised import MISSING_EFFECT, advised_curves
 from skinlab.recording.recorded import dialect_of, recorded_items
 from skinlab.recording.session import Session
 from skinlab.recording.stream import CurveCompleted, Flagged, Message
 from skinlab.report.fitted import Fit, fit_again
+from skinlab.report.verdict import FEW
 
 
 @dataclass(frozen=True)
@@ -33,6 +35,12 @@ class Measured:
     judged: Judged
     result: StoredResult | None
     fit: Fit | str
+    advised: str = ""  # why it was measured, where that was advised
+
+    @property
+    def for_effect(self) -> bool:
+        """Whether it was measured to tell what is missing, and need not tell parameters."""
+        return self.advised == MISSING_EFFECT
 
 
 def measured_curves(session: Session, identifier: Identifier | str) -> tuple[Measured, ...]:
@@ -42,14 +50,24 @@ def measured_curves(session: Session, identifier: Identifier | str) -> tuple[Mea
         InputError: a stored result is damaged.
     """
     judged = _judged(session)
+    advised = advised_curves(session)
     found = []
     for number, (curve, stored) in enumerate(
         zip(session.curves, session.results, strict=True), start=1
     ):
         result = stored_result(number, stored)
         fit = _fit(curve, result, identifier)
-        found.append(Measured(number, curve, judged[number - 1], result, fit))
+        because = advised.get(curve.name, "")
+        found.append(Measured(number, curve, judged[number - 1], result, fit, because))
     return tuple(found)
+
+
+def scolded(measured: Measured) -> tuple[Finding, ...]:
+    """Return what the gates found, but for the few samples of what was advised for an effect."""
+    findings = measured.judged.findings
+    if not measured.for_effect:
+        return findings
+    return tuple(finding for finding in findings if finding.gate != FEW)
 
 
 def _fit(curve: Curve, result: StoredResult | None, identifier: Identifier | str) -> Fit | str:

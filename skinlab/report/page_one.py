@@ -12,7 +12,7 @@ from skinlab.mechanics.names import heading, label, parameter_of
 from skinlab.recording.audit import entries
 from skinlab.recording.session import Session
 from skinlab.recording.session_fit import comparable, excluded_of, fit_curves
-from skinlab.report.measured import Measured
+from skinlab.report.measured import Measured, scolded
 from skinlab.report.page import Illustration, Section, Table
 from skinlab.report.rounding import Interval, best_words, interval_words
 from skinlab.report.text import explain
@@ -89,9 +89,10 @@ def verdict_of(measured: Measured) -> Verdict | None:
     """Return whether a curve can be used."""
     return judge(
         measured.result,
-        measured.judged.findings,
+        scolded(measured),
         measured.judged.cut,
         partial=measured.curve.partial,
+        for_effect=measured.for_effect,
     )
 
 

@@ -110,8 +110,8 @@ def clock_warning(session: Session) -> str | None:
     if not off:
         return None
     return (
-        f"{_describe_clocks(off)}, and so is the dose: are rate_hz and the unit of the time in its "
-        "dialect right?"
+        f"{_describe_clocks(off)}, the dose by this computer's: are rate_hz and the unit of the "
+        "time in its dialect right?"
     )
 
 

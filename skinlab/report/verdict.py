@@ -68,6 +68,7 @@ class Judged(Protocol):
 
 # The numbers would be of the instrument, and not of the skin
 _SPOILT = frozenset({"no_contact", "saturated", "frozen"})
+FEW = "too_few_points"  # of what is for an effect no reproach
 FOR_EFFECT = "it is for the missing effect, and alone tells no parameters"
 # They change what a curve is compared with, and not whether it is one
 _REMARKS = frozenset({"not_first_cycle", "lost_frames"})

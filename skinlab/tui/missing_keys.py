@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from skinlab.recording.advised import MISSING_EFFECT
 from skinlab.tui.part import Part
 from skinlab.tui.screens.missing import MissingScreen
 from skinlab.tui.screens.over import ConfirmScreen
@@ -53,6 +54,7 @@ class MissingKeys(Part):
                 self.fields.put("repeats", "1")
                 self.board.advise(following.aperture_mm, following.program)
                 self.load(following.aperture_mm, following.program, following.placements)
+                self.note_advice(following.aperture_mm, following.program, MISSING_EFFECT)
             case _:
                 pass
 

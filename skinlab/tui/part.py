@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from textual.app import App
 
+from skinlab.recording.advised import ADVISED
 from skinlab.tui.ui_state import PLACED_KEY, Level
 
 if TYPE_CHECKING:
@@ -90,6 +91,12 @@ class Part:
                 f"; put the probe on {placements} times ({PLACED_KEY} says so, or F6 once rested)"
             )
         self.board.answer(Level.INFO, f"loaded: {what}; F8 goes on{again}")
+
+    def note_advice(self, aperture_mm: float, program: str, because: str) -> None:
+        """Record that an advised measurement was loaded, for replay and report."""
+        if self.board.playing is None:
+            said = {"aperture_mm": aperture_mm, "program": program, "because": because}
+            self.app.audit(ADVISED, **said)
 
     def to_main(self) -> None:
         """Close what is open over the main screen."""

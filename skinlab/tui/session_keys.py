@@ -131,4 +131,6 @@ class SessionKeys(Part):
         if found is None or found.following is None:
             self.board.answer(Level.INFO, "no measurement is suggested (g sets a goal)")
             return
-        self.load(found.following.aperture_mm, found.following.program)
+        following = found.following
+        self.load(following.aperture_mm, following.program)
+        self.note_advice(following.aperture_mm, following.program, found.goal.words)

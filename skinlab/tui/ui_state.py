@@ -56,6 +56,7 @@ from skinlab.recording.stream import (
     Sampled,
 )
 from skinlab.report.outage import event_note
+from skinlab.report.verdict import FEW
 from skinlab.tui.shown import Aimed, Entry, Live, Missing, Playing, Review
 
 if TYPE_CHECKING:
@@ -143,6 +144,7 @@ class Board:
         self.compared: list[str] = []  # with another session, in sentences
         self.missing: Missing | None = None  # what was looked for in the curves
         self._advised: set[tuple[float, Program]] = set()  # by it, and loaded
+        self._recorded_advised: frozenset[str] = frozenset()  # curves, of a replay
         self.model: str | None = None  # that was adopted, by its name
         self.second_card = False  # the Cutometer's numbers in the place of the values
         self.reference: Reference | None = None  # to compare values with
@@ -537,7 +539,7 @@ class Board:
                     agrees, words = news.probe
                     self.say(Level.INFO if agrees else Level.WARNING, f"{words}; F8 goes on")
                 if self.playing is not None:
-                    self.visit = news.visit
+                    self.visit, self._recorded_advised = news.visit, news.for_effect
             case Heard(messages, at):
                 for message in messages:
                     self._hear(message, at)
@@ -666,7 +668,10 @@ class Board:
         match message:
             case CurveStarted(index, curve):
                 self.live = Live(
-                    index, curve, began_s=self._now_s, for_effect=self._is_advised(curve.setup)
+                    index,
+                    curve,
+                    began_s=self._now_s,
+                    for_effect=self._is_advised(index, curve.setup),
                 )
                 self.shown = None
                 self.begun_at = self.begun_at or at
@@ -683,7 +688,7 @@ class Board:
                     cut,
                     lost,
                     findings=[] if live is None else live.findings,
-                    for_effect=self._is_advised(curve.setup),
+                    for_effect=self._is_advised(index, curve.setup),
                     visit=self.visit,
                     at=at,
                     began_s=None if live is None else live.began_s,
@@ -704,7 +709,7 @@ class Board:
                 of = self.live if self.live and self.live.index == index else None
                 whose = of or self.entries.get(index)
                 if whose is not None:
-                    if whose.for_effect and finding.gate == "too_few_points":
+                    if whose.for_effect and finding.gate == FEW:
                         return  # as advised
                     whose.findings.append(finding)
                 # The line of the verdict says it, for as long as it holds
@@ -717,7 +722,9 @@ class Board:
         """Remember what the search for what is missing advised, once it is loaded."""
         self._advised.add((aperture_mm, parse_program(program)))
 
-    def _is_advised(self, setup: Setup) -> bool:
+    def _is_advised(self, index: int, setup: Setup) -> bool:
+        if f"curve {index}" in self._recorded_advised:
+            return True
         return (setup.aperture_mm, setup.program) in self._advised
 
     def _load(self, index: int, sample: Sample) -> None:

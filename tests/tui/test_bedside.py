@@ -28,6 +28,7 @@ from skinlab.recording.stream import (
 )
 from skinlab.report.verdict import FOR_EFFECT, Use
 from skinlab.tui.card_text import verdict_text
+from skinlab.tui.shown import Playing
 from skinlab.tui.summary import Repeats, left_out, repeats, repeats_lines
 from skinlab.tui.text import dose_text, where_text
 from skinlab.tui.ui_state import Board, Level
@@ -186,6 +187,20 @@ def test_what_tells_explanations_apart_is_not_scolded_for_its_few_samples():
     assert entry.verdict.why == FOR_EFFECT
     board.entries[1].for_effect = False  # the same, not asked for
     assert entry.verdict.use is Use.NOT
+
+
+def test_a_replay_knows_what_was_measured_for_a_missing_effect():
+    board = Board("s.h5")
+    board.playing = Playing()
+    board.see(Connected("s.h5", HELLO, for_effect=frozenset({"curve 2"})))
+    for number in (1, 2):
+        curve = entry_of(number).curve
+        few = Finding("too_few_points", "the first loading has 5 samples", "use a slower ramp")
+        growing = CurveStarted(number, GrowingCurve(curve.setup))
+        for news in (growing, Flagged(number, few), CurveCompleted(number, curve, None, 0)):
+            board.see(Heard((news,)))
+    assert [len(e.findings) for e in board.entries.values()] == [1, 0]
+    assert [e.for_effect for e in board.entries.values()] == [False, True]
 
 
 @pytest.mark.parametrize(

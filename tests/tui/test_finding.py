@@ -241,7 +241,7 @@ def test_a_goal_says_how_far_it_is():
 
 
 @pytest.mark.long
-async def test_a_visit_with_a_goal_says_what_to_measure_next(bedside):
+async def test_a_visit_with_a_goal_says_what_to_measure_next(bedside, monkeypatch):
     async with bedside() as bed:
         await bed.connected()
         await bed.until(lambda: bed.app.bench.analysis.law)
@@ -252,10 +252,16 @@ async def test_a_visit_with_a_goal_says_what_to_measure_next(bedside):
         await bed.run()
         await bed.until(lambda: bed.board.goal_is is not None)
         await bed.until(lambda: "goal X1 to ± 3 %" in bed.text("#verdict-next"))
+        noted = []
+        monkeypatch.setattr(bed.app.bench, "audit", lambda what, **said: noted.append((what, said)))
         await bed.press("f7")
         following = bed.board.goal_is.following
         program = bed.app.screen.query_one("#program", Input)
         await bed.until(lambda: program.value == following.program)
+        assert noted == [
+            ("measurement advised", {"aperture_mm": following.aperture_mm,
+             "program": following.program, "because": "X1 to ± 3 %"})
+        ]  # fmt: skip
         assert not bed.board.moving
 
 

@@ -23,6 +23,7 @@ from skinlab.errors import InputError, SkinlabError
 from skinlab.inference.result import Value
 from skinlab.mechanics.effects import all_effects
 from skinlab.mechanics.model_file import BASE, read_model
+from skinlab.recording.advised import ADVISED, MISSING_EFFECT
 from skinlab.recording.audit import entries
 from skinlab.recording.session import read_session
 from skinlab.tui.missing import (
@@ -72,6 +73,18 @@ class Search:
         self.go.set()
 
 
+def keep_audit(bed, monkeypatch):
+    """Return what goes into the audit trail from here on."""
+    noted, audit = [], bed.app.bench.audit
+
+    def keep(what, **detail):
+        noted.append((what, detail))
+        audit(what, **detail)
+
+    monkeypatch.setattr(bed.app.bench, "audit", keep)
+    return noted
+
+
 async def looking(bed):
     """Measure once, and begin to look for what the model misses."""
     await bed.connected()
@@ -83,7 +96,7 @@ async def looking(bed):
 
 @pytest.mark.long
 async def test_the_search_blocks_nothing_and_the_next_measurement_is_one_key_away(
-    bedside, ambiguous
+    bedside, ambiguous, monkeypatch
 ):
     search = Search(ambiguous)
     async with bedside(explain=search) as bed:
@@ -104,8 +117,14 @@ async def test_the_search_blocks_nothing_and_the_next_measurement_is_one_key_awa
         await bed.on(MissingScreen)
         await bed.until(lambda: "tied" in bed.text("#missing-text"))
         assert len(search.asked) == 1  # shown, not looked for again
+        noted = keep_audit(bed, monkeypatch)
         await bed.press("f7")
         await bed.on(MainScreen)
+        following = ambiguous.next_measurement
+        assert noted == [
+            (ADVISED, {"aperture_mm": following.aperture_mm, "program": following.program,
+                       "because": MISSING_EFFECT})
+        ]  # fmt: skip
         program, opening = (
             bed.app.screen.query_one(f, Input) for f in ("#program", "#aperture_mm")
         )

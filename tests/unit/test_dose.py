@@ -8,10 +8,21 @@ from datetime import datetime
 import pytest
 
 from drivers.dose import Dose
+from drivers.line_dialect import line_dialect
+from drivers.stream import follow_mark
+from skinlab.acquisition.messages import Heard
+from skinlab.acquisition.pipeline import Pipeline
 from skinlab.cli.main import run as skinlab
+from skinlab.curves.curve import Setup
+from skinlab.inference.identify import Identifier
 from skinlab.recording.audit import entries
 from skinlab.recording.dose import dose_before, dose_of
-from skinlab.recording.session import read_session
+from skinlab.recording.recorded import dialect_facts, recorded_items
+from skinlab.recording.recorder import Recording
+from skinlab.recording.records import Kind, Record
+from skinlab.recording.session import read_session, session_from_records
+from skinlab.recording.stream import setup_to_json
+from skinlab.tables.store import shipped_grid
 from skinlab.tui.text import where_text
 from skinlab.tui.ui_state import Board
 
@@ -63,6 +74,47 @@ def test_refused_before_any_suction(tmp_path, capsys, limit, said):
     assert measure(path, "--repeats", "2", "--dose-limit-mbar-s", limit) == 3
     assert said in capsys.readouterr().err
     assert not list(tmp_path.iterdir())
+
+
+LINE = """
+[dialect]
+name = "line"
+pattern = '(?P<pressure>\\S+) (?P<deflection>\\S+)'
+[columns.pressure]
+unit = "mbar"
+[columns.deflection]
+unit = "mm"
+[stream]
+rate_hz = {rate}
+"""
+
+
+@pytest.mark.parametrize("rate", [2, 20, 200])
+def test_of_an_instrument_with_a_wrong_clock_it_goes_by_the_hosts(tmp_path, rate):
+    """It was shown, kept and carried over by the instrument's: a tenth, or ten times as much."""
+    dialect = line_dialect(LINE.format(rate=rate), "line.toml")
+    recording = Recording(tmp_path / "s.h5", Identifier(shipped_grid()), dialect=dialect)
+    board = Board("port")
+    show = Pipeline(None, [recording, lambda message: board.see(Heard((message,)))])
+    meta = {**dialect_facts(dialect), "control": "none"}
+    setup = Setup(6.0, 1.0)
+    course = [0, 0, *range(0, 101, 2), *range(100, -1, -2), *[0] * 300]
+    records = [
+        Record(Kind.PLAN, 0.0, 0.0, json.dumps(setup_to_json(setup)).encode()),
+        Record(Kind.MARK, 0.0, 0.0, follow_mark(None)),
+    ]
+    for k, mbar in enumerate(course):
+        records.append(Record(Kind.RECEIVED, k / 20, k / 20, b"%d %f\n" % (mbar, 0.003 * mbar)))
+    for item in recorded_items(records, dialect):
+        show.handle(item)
+    assert recording.dose.suction_mbar_s == pytest.approx(250, rel=0.03)
+    assert recording.dose.time_s == pytest.approx(5.0, abs=0.6)
+    assert board.dose == recording.dose
+    recording.finish()
+    # After a crash nothing is noted
+    session = session_from_records(meta, records)
+    assert len(session.curves) == 1
+    assert dose_of(session).suction_mbar_s == pytest.approx(250, rel=0.03)
 
 
 def test_the_header_says_it(monkeypatch):

@@ -126,6 +126,14 @@ def _channel(table: Table, role: Role, index: int, answers: Answers) -> Channel:
     if values is None:
         seconds = clock_s(table.clocks[index], table.lines)
         return Channel(seconds, _label(table, index), "hh:mm:ss")
+    row = table.thousands.get(index)
+    if row is not None and answers.stated("decimal") is None:
+        sign = {".": "point", ",": "comma"}[table.decimal]
+        raise InputError(
+            f"line {table.lines[row]}: the {role} (column {_label(table, index)!r}) has a {sign} "
+            "in it, and all below 1000 are whole numbers: it seems to separate thousands; expected "
+            f"numbers without such separators, or --decimal {sign} if it is the decimal sign"
+        )
     stated = answers.stated(f"{role}-unit")
     unit = heading.unit if heading.unit is not None and heading.unit.role == role else None
     if stated is not None:

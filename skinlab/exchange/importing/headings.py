@@ -6,8 +6,11 @@ import re
 import unicodedata
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import Literal
 
 from skinlab.exchange.importing.units import ROLES, Role, Unit, find_unit
+
+Constant = Literal["opening", "thickness", "curve"]
 
 # Parts of words, without accents, in the languages that such software speaks.
 _WORDS: dict[Role, str] = {
@@ -18,17 +21,29 @@ _WORDS: dict[Role, str] = {
 }
 _BRACKETED = re.compile(r"(.*?)\s*[(\[{<]\s*([^()\[\]{}<>]*?)\s*[)\]}>]\s*\.?")
 _APPENDED = re.compile(r"(.*?)(?:\s*/\s*|\s*,\s*|\s+in\s+|_|\s+|\s*:\s*)([^\s/,:_]+)")
+# What is of a whole curve; lengths among them are no deflection.
+_OF_A_CURVE: dict[Constant, str] = {
+    "opening": r"(?!.*radi).*(aperture|opening|offnung|ouverture|apertura|abertura|orifice).*",
+    "thickness": r".*(thickness|dicke|epaisseur|espesor|spessore|dikte).*",
+    "curve": r"(curve|kurve|courbe|curva|measurement|messung|mesure|medida|medicion|misura|meting"
+    r"|run|trial|versuch|essai|recording|aufnahme|repeat|placement|site|subject|patient|proband"
+    r"|series|serie)[ _-]*(no|nr|number|nummer|id|index|name)?\.?",
+}
 # As a last word these are too short to be a unit without a bracket or a name that fits.
 _DOUBTFUL = frozenset({"min", "mb", "bar"})
 
 
 @dataclass(frozen=True)
 class Heading:
-    """One heading, taken apart. `role` is None where neither name nor unit tells."""
+    """One heading, taken apart. `role` is None where neither name nor unit tells.
+
+    `constant` is what it tells of a whole curve: another value is of another curve.
+    """
 
     text: str
     role: Role | None = None
     unit: Unit | None = None
+    constant: Constant | None = None
 
 
 @lru_cache(maxsize=1024)
@@ -41,13 +56,24 @@ def read_heading(text: str, unit_text: str = "") -> Heading:
     text = text.strip(" \t\"'#%")
     name, unit, bracketed = _take_apart(text)
     if unit_text.strip():
-        name, unit, bracketed = text, find_unit(unit_text), True
+        name, unit, bracketed = text, _agreed(unit, find_unit(unit_text), bracketed), True
     named = _named(name)
+    of_length = not bracketed if unit is None else unit.role == "deflection"
+    if named is None and of_length and (constant := _constant(name)) is not None:
+        return Heading(text, None, unit, constant)
     if named is None:
         doubtful = not bracketed and unit is not None and unit.name in _DOUBTFUL
         return Heading(text, None if unit is None or doubtful else unit.role, unit)
     # A name and a unit that contradict each other leave the unit open.
     return Heading(text, named, unit if unit is not None and unit.role == named else None)
+
+
+def _agreed(unit: Unit | None, below: Unit | None, bracketed: bool) -> Unit | None:
+    """Return the unit of a line of units, unless the heading has another: that leaves it open."""
+    if unit is None or below is None or (not bracketed and unit.name in _DOUBTFUL):
+        return below
+    same = (unit.role, unit.times, unit.over) == (below.role, below.times, below.over)
+    return below if same else None
 
 
 def _take_apart(text: str) -> tuple[str, Unit | None, bool]:
@@ -63,7 +89,17 @@ def _take_apart(text: str) -> tuple[str, Unit | None, bool]:
 
 def _named(name: str) -> Role | None:
     """Return the one channel that the name speaks of."""
-    plain = unicodedata.normalize("NFKD", name.lower())
-    plain = "".join(letter for letter in plain if not unicodedata.combining(letter))
+    plain = _plain(name)
     found = [role for role in ROLES if any(word in plain for word in _WORDS[role].split())]
     return found[0] if len(found) == 1 else None
+
+
+def _constant(name: str) -> Constant | None:
+    plain = _plain(name)
+    return next((what for what, form in _OF_A_CURVE.items() if re.fullmatch(form, plain)), None)
+
+
+def _plain(name: str) -> str:
+    """Return a name in lower case and without accents."""
+    letters = unicodedata.normalize("NFKD", name.lower())
+    return "".join(letter for letter in letters if not unicodedata.combining(letter))

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from drivers.numbers import number_in
 from skinlab.curves.curve import Curve
-from skinlab.curves.lone_readings import lone_readings, white_noise
+from skinlab.curves.lone_readings import lone_readings, white_noise, without_lone_readings
 from skinlab.curves.pressure_path import PressurePath
 from skinlab.curves.program import MOST_PRESSURE_MBAR
 from skinlab.curves.program_check import followed
@@ -24,6 +24,7 @@ Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 _FINELY = 2001  # times of a program at which its suction is looked at
+_BELOW = 1 / 3  # of the highest suction: no reading goes so far below zero
 _GLITCHES, _FEW = 0.02, 4  # readings that may be glitches: a share of very many, else so many
 
 
@@ -34,17 +35,19 @@ def suction(time_s: Array, pressure_mbar: Array, table: Table) -> tuple[Array, l
         InputError: no suction of a probe; names the line.
     """
     notes = []
-    glitches = _glitches(time_s, pressure_mbar)
-    low, high = pressure_mbar[~glitches].min(), pressure_mbar[~glitches].max()
+    lone = _lone(time_s, pressure_mbar)
+    low, high = _range(pressure_mbar, lone)
     if -low > 3 * max(high, 0.0):
         pressure_mbar = 0.0 - pressure_mbar  # and not -x: a zero stays a plain one
         low, high = -high, -low
         notes.append("the pressure was negated: it is below that of the room, which is suction")
+    glitches = lone & (beyond_any_program(pressure_mbar) | (-pressure_mbar > _BELOW * high))
     notes += [
         f"line {table.lines[k]}: a pressure of {pressure_mbar[k]:g} mbar stands alone: a glitch, "
         "which no fit uses"
         for k in np.flatnonzero(glitches)
     ]
+    low, high = _range(pressure_mbar, glitches)
     far = np.flatnonzero(beyond_any_program(pressure_mbar) & ~glitches)
     if far.size:
         raise InputError(
@@ -52,7 +55,7 @@ def suction(time_s: Array, pressure_mbar: Array, table: Table) -> tuple[Array, l
             f"expected a suction of 0-{MOST_PRESSURE_MBAR:g} mbar, below that of the room "
             "(is its unit right?)"
         )
-    if high <= 0 or -low > high / 3:
+    if high <= 0 or -low > _BELOW * high:
         raise InputError(f"the pressure goes from {low:g} to {high:g} mbar; expected a suction")
     return pressure_mbar, notes
 
@@ -60,14 +63,18 @@ def suction(time_s: Array, pressure_mbar: Array, table: Table) -> tuple[Array, l
 def of_another_unit(curve: Curve) -> bool:
     """Return whether readings of the pressure are such that no program comes near them."""
     beyond = beyond_any_program(curve.pressure_mbar)
-    return bool((beyond & ~_glitches(curve.time_s, curve.pressure_mbar)).any())
+    return bool((beyond & ~_lone(curve.time_s, curve.pressure_mbar)).any())
 
 
-def _glitches(time_s: Array, pressure_mbar: Array) -> Mask:
-    """Return which of those are glitches (rows,): a few, each alone or with one more."""
-    lone = lone_readings(time_s, pressure_mbar, white_noise(pressure_mbar))
-    found = beyond_any_program(pressure_mbar) & lone
+def _lone(time_s: Array, pressure_mbar: Array) -> Mask:
+    """Return which readings (rows,) may be glitches: a few, each alone or with one more."""
+    found = lone_readings(time_s, pressure_mbar, white_noise(pressure_mbar))
     return found if found.sum() <= most_glitches(len(found)) else np.zeros_like(found)
+
+
+def _range(pressure_mbar: Array, aside: Mask) -> tuple[float, float]:
+    kept = pressure_mbar[~aside]
+    return float(kept.min()), float(kept.max())
 
 
 def most_glitches(count: int) -> int:
@@ -148,7 +155,8 @@ def _start_shown(curve: Curve) -> float | None:
     if program is None:
         return None
     least_mbar = AS_STATED.suction * program.max_pressure_mbar
-    above = curve.pressure_mbar > least_mbar
+    pressure = without_lone_readings(time, curve.pressure_mbar)
+    above = pressure > least_mbar
     lasting = np.flatnonzero(above[:-1] & above[1:])  # one reading alone may be a glitch
     if not lasting.size or above[0] or least_mbar <= 0:
         return None
@@ -156,7 +164,7 @@ def _start_shown(curve: Curve) -> float | None:
     finely = np.linspace(0.0, program.duration_s, _FINELY)
     asked_s = float(finely[np.argmax(path(finely) > least_mbar)])
     begin = slice(max(int(lasting[0]) - 1, 0), int(lasting[0]) + 1)
-    felt_s = float(np.interp(least_mbar, curve.pressure_mbar[begin], time[begin]))
+    felt_s = float(np.interp(least_mbar, pressure[begin], time[begin]))
     start_s = felt_s - asked_s
     return start_s if abs(start_s - float(time[0])) > max(AS_STATED.late_s) else None
 

@@ -17,10 +17,11 @@ from skinlab.curves.csv import COLUMNS, read_curve
 from skinlab.curves.curve import Curve, Setup
 from skinlab.curves.program_check import check_program
 from skinlab.curves.settings import SAMPLES
-from skinlab.curves.suction import check_suction
+from skinlab.curves.suction import check_outward, check_suction
 from skinlab.errors import InputError
 from skinlab.exchange.importing.columns import Channel, find_channels
 from skinlab.exchange.importing.decode import decode
+from skinlab.exchange.importing.one_curve import check_one_curve
 from skinlab.exchange.importing.pressure import (
     follow_program,
     from_the_start,
@@ -39,6 +40,7 @@ Array = NDArray[np.float64]
 
 MOST_BYTES = 64 << 20
 _HEAD_BYTES = 4096
+_SHORT_S = 0.1  # no suction comes and goes in so short a time
 _ZERO_MM = 0.02  # a zero may be off by it
 _ZIP, _OLE = b"PK\x03\x04", b"\xd0\xcf\x11\xe0"
 
@@ -140,6 +142,7 @@ def _import(path: Path, data: bytes, setup: Setup, answers: Answers) -> Imported
             f"{counted(len(table.lines), 'sample')}; expected at least {SAMPLES.fewest}"
         )
     answers.begin([heading.text for heading in table.headings])
+    check_one_curve(table, setup)
     channels = find_channels(table, answers, pressure=setup.program is None)
     curve, notes = _curve(path.name, setup, table, channels, answers)
     understood = (form, *_columns(channels), *_lines(table), *notes, *answers.recalled)
@@ -152,6 +155,9 @@ def _columns(channels: Mapping[Role, Channel]) -> list[str]:
 
 def _lines(table: Table) -> list[str]:
     said = [f"{len(table.lines)} samples, lines {table.lines[0]}-{table.lines[-1]}"]
+    gaps = np.flatnonzero(np.diff(table.lines) > 1)
+    if gaps.size:
+        said.append(f"empty lines among them, the first behind line {table.lines[int(gaps[0])]}")
     if table.before or table.after:
         said.append(f"other lines not used: {table.before} before, {table.after} after")
     return said
@@ -173,17 +179,38 @@ def _curve(
             f"(before it: {time[k]:g} s)"
         )
     deflection, notes = _outward(channels["deflection"].values, answers)
+    if setup.program is None:  # else the program tells
+        notes += _odd_times(time)
     _check_deflection(deflection, setup, table)
     curve = Curve(name, setup, time, np.zeros(len(time)), deflection)
     if "pressure" in channels:
         pressure, more = suction(time, channels["pressure"].values, table)
-        curve = replace(curve, pressure_mbar=pressure)
+        curve = _checked_outward(replace(curve, pressure_mbar=pressure))
         if setup.program is not None:
             curve, started = from_the_start(curve, answers)
             more += ["the pressure is the file's, not the program's", *started]
         return curve, [*notes, *more]
     curve, more = follow_program(curve, answers)
-    return curve, [*notes, *more]
+    return _checked_outward(curve), [*notes, *more]
+
+
+def _odd_times(time_s: Array) -> list[str]:
+    """Return a question where times are likely to be of another unit: a slow rig may have them."""
+    step_s, whole_s = float(np.median(np.diff(time_s))), float(time_s[-1] - time_s[0])
+    if step_s >= SAMPLES.slow_s:
+        every = f"a sample every {step_s:g} s, and {whole_s:.0f} s in all"
+        return [f"{every}: is the time in milliseconds?"]
+    if whole_s < _SHORT_S:
+        return [f"{whole_s:.2g} s in all: is the time in minutes, or in days as of a spreadsheet?"]
+    return []
+
+
+def _checked_outward(curve: Curve) -> Curve:
+    try:
+        check_outward(curve)
+    except InputError as error:
+        raise InputError(str(error).removeprefix(f"{curve.name}: ")) from None
+    return curve
 
 
 def _outward(deflection: Array, answers: Answers) -> tuple[Array, list[str]]:

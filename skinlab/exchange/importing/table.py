@@ -24,6 +24,9 @@ _NUMBERS = {
     ".": re.compile(r"[+-]?([0-9]+(\.[0-9]*)?|\.[0-9]+)([eE][+-]?[0-9]+)?"),
     ",": re.compile(r"[+-]?([0-9]+(,[0-9]+)?|,[0-9]+)([eE][+-]?[0-9]+)?"),
 }
+# In hundreds and, without a zero before them, in exact thousandths: 950 and 1.050
+_HUNDREDS = re.compile(r"[+-]?[0-9]{1,3}")
+_THOUSANDS = re.compile(r"[+-]?[1-9][0-9]{0,2}[.,][0-9]{3}")
 _Kind = Literal["number", "clock"]
 _FEWEST_ROWS = 2
 _FEWEST_COLUMNS = 2
@@ -42,12 +45,17 @@ class Line:
 class Table:
     """The table: headings (n,), columns (n,) of values (rows,), None where one is not numeric.
 
-    `clocks` are the cells (rows,) of columns that begin with a time of a clock, by index.
+    `clocks` are the cells (rows,) of columns that begin with a time of a clock, by index, and
+    `constants` those of columns that tell of a whole curve. `thousands` are rows by column, where
+    what was taken for the decimal sign may separate thousands.
     """
 
     headings: tuple[Heading, ...]
     columns: tuple[NDArray[np.float64] | None, ...]
     clocks: Mapping[int, tuple[str, ...]]
+    constants: Mapping[int, tuple[Cell, ...]]
+    thousands: Mapping[int, int]
+    decimal: str
     lines: tuple[int, ...]  # (rows,) number of each row's line
     header_line: int  # that of the headings; of the first row where there are none
     before: int  # lines before the table that were not used
@@ -197,19 +205,40 @@ def finish(lines: Sequence[Line], draft: Draft) -> Table:
     columns: list[NDArray[np.float64] | None] = [None] * width
     for position, k in enumerate(numbers):
         columns[k] = values[:, position]
+    cells = [line.cells + ("",) * (width - len(line.cells)) for line in lines[begin:end]]
     return Table(
         headings,
         tuple(columns),
         {
-            k: tuple(str(line.cells[k]) if k < len(line.cells) else "" for line in lines[begin:end])
-            for k, cell in enumerate(lines[begin].cells)
+            k: tuple(str(row[k]) for row in cells)
+            for k, cell in enumerate(cells[0])
             if is_clock(cell)
         },
+        {
+            k: tuple(row[k] for row in cells)
+            for k, heading in enumerate(headings)
+            if heading.constant is not None
+        },
+        {k: row for k in numbers if (row := _thousands([row[k] for row in cells])) is not None},
+        draft.decimal,
         tuple(line.number for line in lines[begin:end]),
         header_line=lines[begin - draft.used if names else begin].number,
         before=begin - (draft.used if names else 0),
         after=len(lines) - end,
     )
+
+
+def _thousands(cells: Sequence[Cell]) -> int | None:
+    """Return the first row that may have a separator of thousands, as all others may; else None."""
+    texts = [str(cell).strip() for cell in cells]
+    if any(isinstance(cell, float) for cell in cells):
+        return None
+    whole = [_HUNDREDS.fullmatch(text) is not None for text in texts]
+    if all(whole) or not any(whole):
+        return None
+    if not all(w or _THOUSANDS.fullmatch(text) for w, text in zip(whole, texts, strict=True)):
+        return None
+    return whole.index(False)
 
 
 def _meant_as_row(line: Line, draft: Draft) -> bool:

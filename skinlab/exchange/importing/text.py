@@ -16,7 +16,9 @@ DECIMALS = {"point": ".", "comma": ","}
 
 _LONGEST_LINE = 10_000
 _SAMPLE_LINES = 2_000
+_CELL_LINES = 12  # over which the headings of a table may go
 _DIGITS = re.compile(r"[0-9]+")
+_HALF_DAY = re.compile(r"(?<=[0-9]) +(?=[AP]M\b)", re.IGNORECASE)  # of a time: 1:02:03 PM
 
 
 def table_from_text(text: str, answers: Answers) -> tuple[Table, str]:
@@ -29,6 +31,7 @@ def table_from_text(text: str, answers: Answers) -> tuple[Table, str]:
     for number, line in enumerate(raw, start=1):
         if len(line) > _LONGEST_LINE:
             raise InputError(f"line {number}: {len(line)} characters; expected rows of a table")
+    raw = _whole_cells(raw)
     separator, decimal = answers.stated("separator"), answers.stated("decimal")
     separators = [separator] if separator else list(SEPARATORS)
     signs = [decimal] if decimal else list(DECIMALS)
@@ -46,6 +49,19 @@ def table_from_text(text: str, answers: Answers) -> tuple[Table, str]:
         return _paired(draft, lines, answers), "separator comma, decimal comma"
     sign = "comma" if draft.decimal == "," else "point"
     return finish(lines, draft), f"separator {name}, decimal {sign}"
+
+
+def _whole_cells(raw: list[str]) -> list[str]:
+    """Return the lines, where a quoted cell goes over several, with all of it in the first one."""
+    lines = list(raw)
+    for k, line in enumerate(lines):
+        if line.count('"') % 2 == 0:
+            continue
+        for end in range(k + 1, min(k + 1 + _CELL_LINES, len(lines))):
+            if lines[end].count('"') % 2:
+                lines[k : end + 1] = [" ".join(lines[k : end + 1]), *[""] * (end - k)]
+                break
+    return lines
 
 
 def _best(
@@ -70,11 +86,13 @@ def _cut(raw: Sequence[str], separator: str) -> list[Line]:
         if separator == "space":
             # "Time (s)" is one name; where names have spaces, two of them may separate
             bare = text.lstrip(" \t#%")
-            cells = re.sub(r"\s+(?=[(\[])", "", bare).split()
+            cells = _HALF_DAY.sub("", re.sub(r"\s+(?=[(\[])", "", bare)).split()
             loose = re.split(r"\s{2,}|\t", bare.strip())
         else:
             try:
-                cells = next(csv.reader([text], delimiter=SEPARATORS[separator]), [])
+                cells = next(
+                    csv.reader([text], delimiter=SEPARATORS[separator], skipinitialspace=True), []
+                )
             except csv.Error as error:
                 raise InputError(f"line {number}: {error}; expected rows of a table") from None
         while cells and not cells[-1].strip():

@@ -48,6 +48,34 @@ def test_a_reading_that_is_none_is_found(size_mbar, at):
     assert found(curve) == at
 
 
+@pytest.mark.parametrize("stated", [True, False])
+@pytest.mark.parametrize("size_mbar", [30.0, 200.0, 700.0, -40.0, -700.0])
+@pytest.mark.parametrize("at", [[0], [0, 1], [99], [98, 99], [0, 99]], ids=str)
+def test_the_first_and_the_last_may_be_none(at, size_mbar, stated):
+    """Of a curve without a program whose first reading was 200 mbar nothing was a loading."""
+    curve = measured("ramp:100@20", stated=stated)
+    down = measured("ramp:100@20,ramp:0@20", stated=stated)
+    assert len(curve) == 100
+    some = (
+        at[-1] == 99 and abs(size_mbar) < 100
+    )  # what the last one shows may be a vent, or a pulse
+    for one in ((down,) if size_mbar < 0 else (curve,)) if some else (curve, down):
+        here = [k - 100 + len(one) if k > 1 else k for k in at]
+        off = replace(one, pressure_mbar=bent(one, here, size_mbar))
+        assert found(off) == here
+        assert (off.phase == one.phase).mean() > 0.98
+
+
+@pytest.mark.parametrize(
+    "course", [[0, 0, 80], [0, 80, 80], [80, 80, 0], [80, 20, 5], [80, 0, 0, 0], [40, 60, 80]]
+)
+def test_a_step_or_a_vent_at_an_end_is_none(course):
+    """What is seen of it may be one reading, and is taken for none where nothing else says so."""
+    pressure = np.array([*[course[0]] * 9, *course, *[course[-1]] * 9], dtype=float)
+    curve = Curve("c", Setup(6.0, 1.0), 0.05 * np.arange(len(pressure)), pressure, 3e-3 * pressure)
+    assert found(curve) == []
+
+
 def bent(curve, at, size_mbar):
     pressure = curve.pressure_mbar.copy()
     pressure[at] += size_mbar

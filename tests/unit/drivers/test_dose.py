@@ -99,3 +99,14 @@ def test_the_limit_refuses_and_vents():
     [vent] = said
     assert isinstance(vent, HostVented)
     assert "a dose of 100" in vent.reason
+
+
+@pytest.mark.parametrize("pace", [0.1, 1.0, 10.0])
+def test_by_the_hosts_clock_where_samples_tell_it(pace):
+    """A rate that is ten times too high had made a tenth of the dose."""
+    meter = DoseMeter()
+    for run in range(2):
+        for k in range(101):
+            mbar = 60 if 0 < k < 100 else 0
+            meter.add(Sample(k, pace * k / 20, mbar, 0.0, 0, 100.0 * run + k / 20))
+    assert meter.total == Dose(pytest.approx(2 * 60 * 4.95), pytest.approx(10))

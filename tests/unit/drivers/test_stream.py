@@ -10,6 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from drivers.capabilities import READ_ONLY, Capabilities, Stream
+from drivers.dose import DoseMeter
 from drivers.errors import LocalProtocolError, RemoteProtocolError
 from drivers.events import (
     PROGRAM_DONE,
@@ -281,6 +282,25 @@ def test_all_four_are_needed_to_start_suction():
     assert Capabilities(True, True, True, True).controllable
     for missing in range(4):
         assert not Capabilities(*(k != missing for k in range(4))).controllable
+
+
+@pytest.mark.parametrize("follow", [None, TWO_PULSES])
+def test_readings_that_are_held_back_tell_when_they_came(follow):
+    """With the time at which they were let go a pause was half of suction."""
+    bench = Bench(follow)
+    pressures = [0, 0.5, 2, 10, 100, 0, *[0] * 19, 0.5, 2, 10, 100, *[0] * 60]
+    for k, pressure in enumerate(pressures):
+        bench.connection.receive_data(b"%d %f 0.1\n" % (50_000 + 100 * k, pressure), 7.0 + 0.2 * k)
+        bench.connection.receive_data(b"", 1e9)
+        bench.drain()
+    samples = [event for event in bench.events if isinstance(event, Sample)]
+    assert [s.host_time_s for s in samples] == [7.0 + 0.2 * k for k in range(len(samples))]
+    dose, onlooker = DoseMeter(), Onlooker()
+    for sample in samples:
+        dose.add(sample)
+        onlooker.on_event(sample, 1e9)
+    assert dose.total.suction_mbar_s == pytest.approx(2 * 0.2 * (6 + 55 + 50))
+    assert onlooker.dose == dose.total
 
 
 # ---- the onlooker ---------------------------------------------------------------------------

@@ -23,6 +23,8 @@ from skinlab.errors import InputError
 from skinlab.inference.identify import Identifier
 from skinlab.inference.uncertainty import Sensor
 from skinlab.mechanics.fem.suction import Geometry
+from skinlab.recording.advised import ADVISED, MISSING_EFFECT
+from skinlab.recording.audit import note
 from skinlab.recording.recorder import identification_settings
 from skinlab.recording.session import Session, content_hash, read_session, write_session
 from skinlab.report.curve_section import curve_section
@@ -30,10 +32,12 @@ from skinlab.report.drawings import curve_drawings
 from skinlab.report.flags import explanations
 from skinlab.report.measured import measured_curves
 from skinlab.report.page import Section, Table
+from skinlab.report.page_one import verdict_of
 from skinlab.report.pdf import check_pdf, to_pdf
 from skinlab.report.pictures import style
 from skinlab.report.plots import autocorrelation, left_out, quantiles
 from skinlab.report.session_report import FORMATS, SessionReport
+from skinlab.report.verdict import FOR_EFFECT, Use
 from skinlab.versions import versions
 
 HOSTILE = "<img src=x onerror=alert(1)> \"&'; $\\frac$ \x1b[2J"
@@ -535,3 +539,32 @@ def test_a_measured_session_is_judged_again_from_its_bytes(tmp_path, capsys):
     notice = ET.fromstring(page).find("body/p[@class='notice']")
     assert text_of(notice).startswith("SIMULATED")
     assert "What to do:" in text_of(section(page, "Curve 1"))
+
+
+def test_what_was_measured_for_a_missing_effect_is_not_scolded(tmp_path, capsys):
+    """The screen knew what F7 had loaded; replay and report told it off for its few samples."""
+    path, advised = tmp_path / "visit.h5", tmp_path / "advised.h5"
+    arguments = "--port sim://?seed=1&speed=50 --aperture-mm 6 --thickness-mm 1 --rate-hz 10"
+    program = "ramp:60@60"
+    assert run(["measure", *arguments.split(), "--program", program, "--out", str(path)]) == 0
+    session, identifier = read_session(path), _identifier(path)
+    (before,) = measured_curves(session, identifier)
+    assert "too_few_points" in " ".join(explanations(before))
+    said = {"aperture_mm": 6.0, "program": program, "because": MISSING_EFFECT}
+    loaded = note(0.0, 0.0, "op", ADVISED, said)
+    noted = Session(session.meta, (loaded, *session.records), session.curves, session.results)
+    (measured,) = measured_curves(noted, identifier)
+    assert verdict_of(before).use is Use.REPEAT
+    assert verdict_of(measured).use is Use.GOOD
+    assert "too_few_points" not in " ".join(explanations(measured))
+    page = SessionReport(noted, identifier).html()
+    told = f"It was measured as was advised: {FOR_EFFECT}."
+    assert told in text_of(section(page, "Curve 1"))
+    write_session(advised, noted)
+    capsys.readouterr()
+    assert run(["replay", str(advised), "--verify"]) == 0
+    told = capsys.readouterr().err
+    assert f"curve 1: {FOR_EFFECT}" in told
+    assert "too_few_points" not in told
+    assert run(["session", "info", str(advised)]) == 0
+    assert "measurement advised: aperture_mm 6.0, program ramp:60@60" in capsys.readouterr().out

@@ -83,8 +83,8 @@ def exports(draw):
     units = [draw(st.sampled_from(sorted(table))) for table in (TIMES, PRESSURES, LENGTHS)]
     counts = [
         np.cumsum(steps),
-        np.array(draw(st.lists(st.integers(0, 9999), min_size=n, max_size=n))) + 1,
-        np.array(draw(st.lists(st.integers(-1, 599), min_size=n, max_size=n))),
+        np.sort(draw(st.lists(st.integers(0, 9999), min_size=n, max_size=n))) + 1,
+        np.sort(draw(st.lists(st.integers(-1, 599), min_size=n, max_size=n))),  # it is a dome
     ]
     places = [draw(st.integers(2, 4)), 3, 3]
     factors = [TIMES[units[0]], PRESSURES[units[1]], LENGTHS[units[2]]]
@@ -327,6 +327,12 @@ def test_a_workbook(shift):
     assert imported.understood[0] == "sheet 'Curve 1'"
 
 
+def test_a_workbook_of_two_curves_says_which_number_is_another_one():
+    table = [[*row, 1 + k // 60] for k, row in enumerate(CELLS)]
+    told = refusal(workbook(("a", [[*TABLE[2], "Curve"], *table])))
+    assert told.startswith("line 62: column 'Curve' is '2', and '1' before it: another curve")
+
+
 def test_a_workbook_whose_numbers_are_texts():
     texts = [[f"{value:.4f}".replace(".", ",") for value in row] for row in CELLS]
     check_ramp(read(workbook(("a", [TABLE[2], *texts]))))
@@ -552,8 +558,33 @@ def test_a_glitch_of_the_pressure_is_told_and_is_no_other_unit(at, sign, mbar):
     assert np.flatnonzero(pressure_glitches(with_program, 0.0)).tolist() == list(at)
 
 
+@pytest.mark.parametrize("program", [PLAIN, RAMP])
+@pytest.mark.parametrize("mbar", [700, 5000, -5000, -60])
+@pytest.mark.parametrize("at", [(0,), (0, 1), (100,), (99, 100), (0, 100)], ids=str)
+def test_a_glitch_may_be_the_first_or_the_last_reading(at, mbar, program):
+    """It had refused the whole file."""
+    imported = read(off(at, mbar), program)
+    told = [note for note in imported.understood if "a glitch, which no fit uses" in note]
+    assert [note.partition(":")[0] for note in told] == [f"line {i + 2}" for i in at]
+    curve = imported.curve
+    assert len(curve) == 101
+    assert set(curve.phase) == {"load"}
+    assert np.flatnonzero(pressure_glitches(curve, 0.0)).tolist() == list(at)
+
+
+def test_a_reading_far_below_zero_may_be_a_glitch():
+    """One of -60 mbar had refused a file whose other readings go from 0 to 100."""
+    imported = read(off((40,), -60))
+    assert "line 42: a pressure of -60 mbar stands alone" in "; ".join(imported.understood)
+    imported = read(off((40,), 60, sign=-1))
+    assert imported.curve.pressure_mbar[-1] == 100
+    assert "line 42: a pressure of -60 mbar stands alone" in "; ".join(imported.understood)
+
+
 @pytest.mark.parametrize(
-    "at", [range(40, 45), range(98, 101), range(5, 95, 9)], ids=["a row", "the top", "many"]
+    "at",
+    [range(40, 45), range(98, 101), range(3), range(5, 95, 9)],
+    ids=["a row", "the top", "the start", "many"],
 )
 def test_a_pressure_that_was_too_high_for_long_is_refused(at):
     assert f"line {at[0] + 2}: a pressure of 700 mbar; expected" in refusal(off(at, 700))
@@ -564,6 +595,122 @@ def test_a_peak_that_a_ramp_goes_to_is_no_glitch():
     lines = (f"{0.1 * i:.1f};{p};{0.001 * p:.4f}\n" for i, p in peak)
     said = refusal("t (s);p (mbar);w (mm)\n" + "".join(lines))
     assert said.startswith("line 15: a pressure of 650 mbar; expected a suction")
+
+
+# ---- odd forms -----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("separator", "sign", "word"), [(";", ".", "point"), (";", ",", "comma"), ("\t", ".", "point")]
+)
+@pytest.mark.parametrize("which", [1, 2])
+def test_what_may_separate_thousands_is_refused(separator, sign, word, which):
+    """1.005 µm had come behind 990 µm, and 0.1 mbar behind 99."""
+    lines = []
+    for i in range(101):
+        cells = [str(i), str(100 * i) if which == 1 else str(i), str(15 * i)]
+        cells[which] = f"{int(cells[which]):,}".replace(",", sign)
+        lines.append(separator.join(cells) + "\n")
+    text = separator.join(["t (s)", "p (Pa)" if which == 1 else "p (mbar)", "w (µm)"]) + "\n"
+    line = 12 if which == 1 else 69
+    told = refusal(text + "".join(lines))
+    assert told.startswith(f"line {line}: the {('pressure', 'deflection')[which - 1]} (column ")
+    assert told.endswith(f"without such separators, or --decimal {word} if it is the decimal sign")
+    if which == 2:  # read so, it is no dome
+        assert "falls" in refusal(text + "".join(lines), decimal=word)
+
+
+def test_whole_numbers_beside_decimals_are_no_thousands():
+    text = "t (s);p (mbar);w (mm)\n"
+    text += "".join(f"{0.125 * i:g};{1.5 * i:g};{0.003 * i:g}\n" for i in range(41))
+    np.testing.assert_allclose(read(text).curve.deflection_mm, 0.003 * np.arange(41))
+
+
+@pytest.mark.parametrize("setup", [PLAIN, RAMP])
+def test_a_height_that_falls_under_suction_is_refused(setup):
+    """A distance to the skin was imported as it is, and only identify said no."""
+    lines = (f"{0.05 * i:.2f};{i};{5 - 0.003 * i:.4f}\n" for i in range(101))
+    told = refusal("t (s);p (mbar);distance (mm)\n" + "".join(lines), setup)
+    assert told.startswith("deflection_mm falls by 0.2")
+
+
+def test_empty_lines_among_the_rows_are_told():
+    lines = rows().splitlines(keepends=True)
+    imported = read("t (s);p (mbar);w (mm)\n" + "".join([*lines[:50], "\n", "\n", *lines[50:]]))
+    check_ramp(imported)
+    assert "empty lines among them, the first behind line 51" in imported.understood
+
+
+def test_a_time_that_seems_to_be_of_another_unit_is_asked_about():
+    told = read("t (s);p (mbar);w (mm)\n" + rows(scale=(1000, 1, 1))).understood
+    assert "a sample every 50 s, and 5000 s in all: is the time in milliseconds?" in told
+    days = [[time_s / 86_400, p, w] for time_s, p, w in CELLS]
+    told = read(workbook(("Curve 1", [*TABLE[:3], *days]))).understood
+    assert "5.8e-05 s in all: is the time in minutes, or in days as of a spreadsheet?" in told
+
+
+@pytest.mark.parametrize("separator", [";", ","])
+def test_headings_over_several_lines_and_blanks_before_quotes(separator):
+    head = separator.join(['"Time\n(s)"', '"Pressure\n(mbar)"', ' "Skin\nheight\n(mm)"'])
+    lines = rows(f'"{separator} "', ".").splitlines()
+    check_ramp(read(f"{head}\n" + "".join(f'"{line}"\n' for line in lines)))
+    check_ramp(read('Probe 1/4", new\nt (s);p (mbar);w (mm)\n' + rows()))
+
+
+def test_a_line_of_units_that_contradicts_the_headings_leaves_them_open():
+    """Those of the line had counted, in silence: ten times the pressure."""
+    text = "Time;Pressure (mbar);Height\ns;{};mm\n" + rows(scale=(1, 0.5, 1))
+    assert "the unit of the pressure" in refusal(text.format("kPa"))
+    assert read(text.format("hPa")).curve.pressure_mbar[-1] == 50.0
+
+
+# ---- several curves in one table -----------------------------------------------------------------
+
+
+def labelled(heading, *labels):
+    """A file of a ramp with a column more, whose labels share the rows."""
+    lines = rows().splitlines()
+    each = len(lines) // len(labels) + 1
+    table = "".join(f"{row};{labels[i // each]}\n" for i, row in enumerate(lines))
+    return f"t (s);p (mbar);w (mm);{heading}\n{table}"
+
+
+@pytest.mark.parametrize("stated", [{}, {"deflection_column": "w (mm)"}])
+@pytest.mark.parametrize(
+    ("heading", "labels", "says"),
+    [
+        ("aperture_mm", (6, 2), "line 53: column 'aperture_mm' is 2, and the curve is stated to"),
+        ("Öffnung [mm]", (2,), "line 2: column 'Öffnung [mm]' is 2, and the curve is stated to be"),
+        ("probe opening", ("6 mm", "2 mm"), "line 53: column 'probe opening' is '2 mm', and"),
+        ("Curve", (1, 2), "line 53: column 'Curve' is '2', and '1' before it: another curve"),
+        ("Messung Nr.", ("a", "b", "c"), "line 36: column 'Messung Nr.' is 'b', and 'a' before"),
+        ("Site", ("left", "right"), "line 53: column 'Site' is 'right', and 'left' before it"),
+    ],
+)
+def test_a_column_that_tells_of_several_curves_refuses_them(heading, labels, says, stated):
+    """Both had been one curve, once somebody had said which of the lengths is the deflection."""
+    told = refusal(labelled(heading, *labels), **stated)
+    assert told.startswith(says)
+    assert "expected one curve" in told
+
+
+@pytest.mark.parametrize(
+    ("heading", "labels"),
+    [
+        ("aperture (mm)", (6,)),
+        ("aperture (µm)", (6000,)),
+        ("opening radius", (3,)),
+        ("valve opening (%)", (0, 50)),
+        ("opening", (0, 1)),
+        ("skin thickness (mm)", (1.2,)),
+        ("curve", ("", 1)),
+        ("curve", range(101)),
+        ("phase", ("load", "unload")),
+        ("cycle", (1, 2)),
+    ],
+)
+def test_a_column_beside_a_curve_is_no_other_curve_and_no_deflection(heading, labels):
+    check_ramp(read(labelled(heading, *labels)))
 
 
 # ---- times of a clock ----------------------------------------------------------------------------
@@ -627,19 +774,64 @@ def test_seconds_are_taken_before_a_clock():
         (["10:59:59", "11:00:61"] * 5, "line 3: the time is '11:00:61'; expected hh:mm:ss, or"),
         (["10:59:59", "10:59:58"] * 5, "line 3: time 39598 s does not increase"),
         ([f"{h}:00:00" for h in (1, 23, 0, 23, 0, 1)], "does not increase"),
-        (["10:20:33 AM", "10:20:34 AM"] * 5, "is not a number in most rows; expected numbers, or"),
+        (["10:20:33 xm", "10:20:34 xm"] * 5, "is not a number in most rows; expected numbers, or"),
+        (
+            ["1:20 PM", "1:21 PM"] * 5,
+            "line 2: the time '1:20 PM' has no seconds; expected hh:mm:ss",
+        ),
+        (["13:20:33 PM"] * 9, "line 2: the time is '13:20:33 PM'; expected hh:mm:ss"),
+        (["1:20:33 PM", "1:20:34"] * 5, "line 3: the time '1:20:34' is of another form than that"),
+        (["29.11.2026 10:03"] * 9, "line 2: the time '29.11.2026 10:03' has no seconds"),
+        (["31.11.2026 10:03:05"] * 9, "line 2: there is no date '31.11.2026'; expected one as"),
     ],
 )
 def test_a_clock_that_may_be_read_in_two_ways_is_refused(texts, says):
     assert says in refusal(clocked(texts))
 
 
-def test_a_workbook_may_have_times_of_the_day():
+@pytest.mark.parametrize("separator", [";", ",", "\t", " "])
+@pytest.mark.parametrize("half", ["{} {}", "{}{}", "{} {}."])
+def test_a_clock_may_have_am_and_pm(separator, half):
+    """Noon and midnight are 12, and were not read at all."""
+    if separator == " " and half.endswith("."):
+        half = "{} {}"
+    for begin_s in (37_233.05, 43_198.0, 46_798.0, 86_398.0):
+        texts = []
+        for i in range(101):
+            text = clock(begin_s + 0.05 * i)
+            hour = int(text[:2])
+            text = f"{hour % 12 or 12}{text[2:]}"
+            texts.append(half.format(text, ("AM", "PM")[hour >= 12]))
+        imported = read(clocked(texts).replace(";", separator))
+        np.testing.assert_allclose(imported.curve.time_s, begin_s + 0.05 * np.arange(101))
+
+
+DATES = [
+    "%Y-%m-%d %H:%M:%S.%f", "%Y-%m-%dT%H:%M:%S.%fZ", "%Y-%m-%dT%H:%M:%S.%f+01:00",
+    "%d.%m.%Y %H:%M:%S,%f", "%d.%m.%y, %H:%M:%S.%f", "%d/%m/%Y %H:%M:%S.%f",
+    "%m/%d/%Y %I:%M:%S.%f %p", "%Y/%m/%d %H:%M:%S.%f", "%d-%b-%Y %H:%M:%S.%f",
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("form", DATES)
+@pytest.mark.parametrize(
+    "begin",
+    [(2026, 11, 29, 10, 3), (2026, 5, 6, 23, 59), (2026, 12, 31, 23, 59), (2026, 5, 31, 23, 59)],
+)
+def test_a_clock_may_have_the_date_before_it(form, begin):
+    first = datetime(*begin, 58)
+    texts = [(first + timedelta(milliseconds=50 * i)).strftime(form) for i in range(101)]
+    curve = read(clocked(texts)).curve
+    np.testing.assert_allclose(curve.time_s - curve.time_s[0], 0.05 * np.arange(101), atol=1e-9)
+
+
+@pytest.mark.parametrize("dated", [False, True])
+def test_a_workbook_may_have_times_of_the_day(dated):
     book = openpyxl.Workbook()
     book.active.append(["Time", "p (mbar)", "w (mm)"])
     for i in range(101):
         at = datetime(2026, 3, 1, 10) + timedelta(milliseconds=50 * i)
-        book.active.append([at.time(), float(i), 0.003 * i])
+        book.active.append([at if dated else at.time(), float(i), 0.003 * i])
     stream = io.BytesIO()
     book.save(stream)
     time_s = read(stream.getvalue()).curve.time_s
