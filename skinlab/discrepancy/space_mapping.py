@@ -14,9 +14,9 @@ Nothing here asks which effect it is.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property, lru_cache
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,33 +28,27 @@ from skinlab.discrepancy.corrections import (
     Points,
     between,
     going_on,
-    read_on,
     share_and_rest,
 )
 from skinlab.discrepancy.problem_map import Key, ProblemMap, Problems, key_of
 from skinlab.discrepancy.records import Record
 from skinlab.discrepancy.settings import FITS
+from skinlab.discrepancy.solid_ratios import SolidRatios, moved, steps_on
 from skinlab.discrepancy.table_curves import TableCurves, read_at, recorded, relaxation_of
 from skinlab.discrepancy.table_domes import (
     Domes,
     Relaxation,
     TableDomes,
     has_features,
-    plain_part,
 )
 from skinlab.discrepancy.unknowns import Unknowns
-from skinlab.errors import InputError
 from skinlab.mechanics.effects import get_effect
 from skinlab.mechanics.effects.model import (
-    Instant,
     Sensors,
     solve_skin,
 )
 from skinlab.mechanics.fem.admissibility import FOLDED
-from skinlab.mechanics.fem.newton import StepSettings
 from skinlab.mechanics.fem.relaxation import SETTINGS as RELAXING
-from skinlab.mechanics.fem.sensitivity import Change, Slopes, solve_with_slopes
-from skinlab.mechanics.fem.skin import SkinProblem
 from skinlab.mechanics.fem.suction import (
     MESH_OF_RECORD,
     SCREENING_MESH,
@@ -63,9 +57,6 @@ from skinlab.mechanics.fem.suction import (
 
 Array = NDArray[np.float64]
 
-_RATIO_NODES = 40
-_SMALL = 1e-3  # of an unknown, for slopes: what is left out is its square
-_EFFECT_STEP = 0.15  # of an effect's unknown, where the mesh changes and there is no slope
 _COMPARED, _ALIKE_S, _ALIKE_MBAR = 100, 0.3, 2.0  # points, length and suction of repeats
 _CORNER = 1e-2  # of the highest suction: a corner so small changes no correction
 # Beyond a crease: the folded branch differs between meshes by little, and hardly in the dome.
@@ -141,6 +132,10 @@ class MappedModel:
     @cached_property
     def _problems(self) -> ProblemMap:
         return ProblemMap(self.records, self.unknowns)
+
+    @cached_property
+    def _solids(self) -> SolidRatios:
+        return SolidRatios(self._problems, self.domes, self.discretisation, self._offs)
 
     @property
     def _by_table(self) -> TableCurves:
@@ -292,7 +287,7 @@ class MappedModel:
         if here is None:
             return False
         off = self.from_anchor(u[None])[0]
-        ratios = self._ratios_at(u, here, self._solids(u, here), slopes=slopes)
+        ratios = self._solids.at(u, here, self._solids.keys_at(u, here), slopes=slopes)
         if ratios is None:
             return False
         last = self._anchor if slopes and self._ratios.keys() == ratios.keys() else None
@@ -325,7 +320,7 @@ class MappedModel:
         """
         for u in others if self._ratios else ():
             here = self._problems.at(u)
-            found = None if here is None else self._ratios_at(u, here, list(self._ratios))
+            found = None if here is None else self._solids.at(u, here, list(self._ratios))
             if found is not None:
                 self._known.append((u, found))
         self._smooth_ratios()
@@ -374,29 +369,6 @@ class MappedModel:
                 others.append(Learnt(between(then, own.value[None], nodes[None])[0], slopes))
             learnt.passes(self._points, others)
 
-    def _solids(self, u: Array, here: Problems) -> list[Key]:
-        """Return what the table does not answer there, or where each effect is something.
-
-        Anchored where an effect is nothing the model would be the same for all of its sizes.
-        """
-        beside, effects = u.copy(), slice(self.unknowns.count, None)
-        up = u + _EFFECT_STEP <= self.unknowns.bounds[1]
-        beside[effects] += np.where(up, _EFFECT_STEP, -_EFFECT_STEP)[effects]
-        problems = [p.problems for p in (here, self._problems.at(beside)) if p is not None]
-        return [key for key in here.problems if any(has_features(p[key]) for p in problems)]
-
-    def _ratios_at(
-        self, u: Array, here: Problems, keys: Collection[Key], *, slopes: bool = True
-    ) -> dict[Key, tuple[Array, Learnt]] | None:
-        """Return what the finite elements correct of solids, None where they do not hold."""
-        found: dict[Key, tuple[Array, Learnt]] = {}
-        for key, changes in self._changes(u, keys, slopes=slopes).items():
-            one = self._ratio(u, here, key, changes)
-            if one is None:
-                return None
-            found[key] = one
-        return found
-
     def _slope_shares(self, u: Array, here: Problems) -> None:
         """Take how what relaxes changes with all but stiffnesses, of a coarse mesh.
 
@@ -431,8 +403,8 @@ class MappedModel:
         time = self.records[i].curve.time_s
         found = []
         for j, step in steps.items():
-            moved = _moved(u, j, step)
-            there, off = self._problems.at(moved), self.from_anchor(moved[None])
+            beside = moved(u, j, step)
+            there, off = self._problems.at(beside), self.from_anchor(beside[None])
             other = None if there is None else self._course(i, there, off)
             if base is None or other is None:
                 return None
@@ -443,7 +415,7 @@ class MappedModel:
 
     def _share_steps(self, u: Array, here: Problems) -> dict[int, float]:
         """Return the unknowns with which a share changes, and how far each is moved."""
-        changing = set().union(*self._changes(u, here.problems).values())
+        changing = set().union(*self._solids.changes(u, here.problems).values())
         count, high = self.unknowns.count, self.unknowns.bounds[1]
         linear = [t == "linear" for t in self.unknowns.space.transforms]
         found = {}
@@ -452,114 +424,6 @@ class MappedModel:
             if own:
                 step = _SHARE_STEP * (self.unknowns.reaches[j] if j < count else 1.0)
                 found[j] = step if u[j] + step <= high[j] else -step
-        return found
-
-    def _ratio(
-        self, u: Array, here: Problems, key: Key, changes: dict[int, Change]
-    ) -> tuple[Array, Learnt] | None:
-        """Return nodes (m,) and log w_FE / w_table there; None where either does not hold.
-
-        With how it changes along the unknowns that are given a change.
-        """
-        problem, top = here.problems[key], self._problems.top_mbar(here, key)
-        nodes = np.concatenate([[-5.0], top * np.linspace(0.02, 1.0, _RATIO_NODES) ** 1.5])
-        try:
-            solved = _solve(_bare(problem), tuple(changes.values()), top, self.discretisation)
-        except InputError:  # a change of the mesh's topology
-            beside = {j: c for j, c in changes.items() if j >= self.unknowns.count}
-            changes = {j: c for j, c in changes.items() if j not in beside}
-            solved = _solve(_bare(problem), tuple(changes.values()), top, self.discretisation)
-        else:
-            beside = {}
-        needed = self._problems.needed_mbar(here, key)
-        if solved.instant is None or solved.holds_to_mbar < FITS.least_held * needed:
-            return None
-        held = nodes <= min(solved.holds_to_mbar, top)
-        w, plain = solved.instant(nodes), self._plain([problem], top, nodes)[0]
-        with np.errstate(divide="ignore", invalid="ignore"):
-            value = np.log(w / plain) - self._off(problem, key, top, plain)
-        if not np.isfinite(value[held]).all():
-            return None
-        learnt = Learnt(read_on(nodes, value, held), np.zeros((len(nodes), len(u))))
-        by_parameter = solved.slopes(nodes) if changes else ()
-        for (j, (up, down, width)), slope in zip(changes.items(), by_parameter, strict=True):
-            ends = self._plain([up, down], top, nodes)
-            with np.errstate(divide="ignore", invalid="ignore"):
-                column = slope / w - np.log(ends[0] / ends[1]) / width
-            there = held & np.isfinite(column)
-            if there.any():
-                learnt.slopes[:, j] = read_on(nodes, column, there)
-        for j in beside:
-            other = self._moved_ratio(u, j, key, nodes, needed)
-            if other is not None:
-                learnt.slopes[:, j] = (other[0] - learnt.value) / other[1]
-        return nodes, learnt
-
-    def _moved_ratio(
-        self, u: Array, j: int, key: Key, nodes: Array, needed_mbar: float
-    ) -> tuple[Array, float] | None:
-        """Return the log ratio (m,) with an effect's unknown some way off, and how far."""
-        step = _EFFECT_STEP if u[j] + _EFFECT_STEP <= self.unknowns.bounds[1][j] else -_EFFECT_STEP
-        there = self._problems.at(_moved(u, j, step))
-        if there is None:
-            return None
-        problem, top = there.problems[key], float(nodes[-1])
-        solved = _solve(_bare(problem), (), top, self.discretisation)
-        if solved.instant is None or solved.holds_to_mbar < FITS.least_held * needed_mbar:
-            return None
-        with np.errstate(divide="ignore", invalid="ignore"):
-            plain = self._plain([problem], top, nodes)[0]
-            value = np.log(solved.instant(nodes) / plain) - self._off(problem, key, top, plain)
-        held = nodes <= min(solved.holds_to_mbar, top)
-        if not np.isfinite(value[held]).all():
-            return None
-        return read_on(nodes, value, held), step
-
-    def _plain(self, problems: Sequence[SkinProblem], top: float, nodes: Array) -> Array:
-        """Return what the table answers (n, m)."""
-        stiffness = np.array([[p.stiffness] for p in problems])
-        domes = self.domes(problems, [top / p.stiffness for p in problems])
-        return domes(nodes / stiffness)
-
-    def _off(self, problem: SkinProblem, key: Key, top: float, deflection_mm: Array) -> Array:
-        """Return by how much this mesh is off at heights (m,), of their logarithm.
-
-        It is that of the plain skin, which the table knows, where this model was anchored first: of
-        a coarse mesh an effect is nearly right, the dome is not. The mesh of record made the table.
-        """
-        if self.discretisation == MESH_OF_RECORD:
-            return np.zeros(len(deflection_mm))
-        if key not in self._offs:
-            plain, reach = plain_part(problem), 20.0 * np.ceil(0.05 * top / problem.stiffness)
-            solved = _solve(plain, (), reach, self.discretisation)
-            if solved.instant is None:
-                return np.zeros(len(deflection_mm))
-            held = min(solved.holds_to_mbar, reach)
-            nodes = held * np.linspace(0.02, 1.0, _RATIO_NODES) ** 1.5
-            known = self._plain([plain], reach, nodes)[0]
-            with np.errstate(divide="ignore", invalid="ignore"):
-                off = np.log(solved.instant(nodes) / known)
-            there = np.isfinite(off)
-            if not there.any():
-                return np.zeros(len(deflection_mm))
-            self._offs[key] = known[there], off[there]
-        return np.interp(deflection_mm, *self._offs[key])
-
-    def _changes(
-        self, u: Array, keys: Collection[Key], *, slopes: bool = True
-    ) -> dict[Key, dict[int, Change]]:
-        """Return how solids change with each unknown that moves them; without `slopes` nothing."""
-        low, high = self.unknowns.bounds
-        found: dict[Key, dict[int, Change]] = {key: {} for key in keys}
-        for j in range(len(u)) if slopes and keys else ():
-            up, down = min(_SMALL, high[j] - u[j]), min(_SMALL, u[j] - low[j])
-            ends = [self._problems.at(_moved(u, j, step)) for step in (up, -down)]
-            if ends[0] is None or ends[1] is None or up + down <= 0.0:
-                continue
-            for key in keys:
-                one, other = (_bare(end.problems[key]) for end in ends if end is not None)
-                if one != other:
-                    found[key][j] = (one, other, float(up + down))
         return found
 
     def _anchor_courses(self, here: Problems, off: Array) -> bool:
@@ -600,9 +464,9 @@ class MappedModel:
         time, path = record.curve.time_s, _simpler(here.felt[i])
         # The coarse mesh, which leads the way, goes on beyond a crease: neighbours end elsewhere.
         limits = FOLDED if self.coarse else RELAXING.limits
-        steps = replace(_steps(RELAXING, self.discretisation), limits=limits)
+        steps = replace(steps_on(RELAXING, self.discretisation), limits=limits)
         exact = solve_skin(problem, path, self.discretisation, steps).at(time, path(time))
-        exact = exact * np.exp(-self._off(problem, key, top, exact))
+        exact = exact * np.exp(-self._solids.off(problem, key, top, exact))
         whole = held = np.isfinite(exact)
         if not held.all():
             rough = solve_skin(problem, path, SCREENING_MESH, _FOLDED).at(time, path(time))
@@ -636,12 +500,6 @@ def _about_alike(one: Record, other: Record) -> bool:
     return bool(abs(lasts - (end - begin)) <= _ALIKE_S and off <= _ALIKE_MBAR)
 
 
-def _moved(u: Array, j: int, step: float) -> Array:
-    moved = u.copy()
-    moved[j] += step
-    return moved
-
-
 @dataclass(frozen=True, eq=False)
 class _Added:
     """What the finite elements add to a curve that relaxes, by what the table takes for it."""
@@ -649,38 +507,3 @@ class _Added:
     share: Array  # (n,) of that,
     rest_mm: Array  # (n,) and what is no share of it
     held: NDArray[np.bool_]  # (n,) where they have a dome themselves
-
-
-@dataclass(frozen=True, eq=False)
-class _Solved:
-    instant: Instant | None
-    holds_to_mbar: float
-    slopes: Slopes
-
-
-@lru_cache(maxsize=256)
-def _solve(
-    problem: SkinProblem, changes: tuple[Change, ...], top: float, discretisation: Discretisation
-) -> _Solved:
-    """Return the elastic dome up to a suction, and how it changes; kept.
-
-    Raises:
-        InputError: a change alters the number of nodes.
-    """
-    steps = _steps(StepSettings(), discretisation)
-    curve, slopes = solve_with_slopes(problem, changes, top, discretisation, steps)
-    there = len(curve.pressure_mbar) >= 2 and curve.holds_to_mbar > 0
-    return _Solved(Instant(curve.spline, 0.0, 0.0) if there else None, curve.holds_to_mbar, slopes)
-
-
-def _steps(settings: StepSettings, discretisation: Discretisation) -> StepSettings:
-    """Return the settings of steps on a mesh: on the coarse one, which leads the way, longer."""
-    settings = replace(settings, limits=FOLDED, leaps_mbar=FITS.leaps_mbar)
-    if discretisation != SCREENING_MESH:
-        return settings
-    return replace(settings, extrapolation_error=FITS.rough_steps)
-
-
-def _bare(problem: SkinProblem) -> SkinProblem:
-    """Return the problem without what the stepping in time and the preload answer."""
-    return replace(problem, prony=(), preload_mbar=0.0)
