@@ -180,7 +180,10 @@ def _record(curve: Curve, noise_um: float | None, pressure_noise: float | None) 
         # together, and through dw/dp it would look like a missing effect.
         pressure, sd = measured, noise
         # What a rig does to a program has no corners left, so that it can be smoothed far.
-        rest = smooth_course(time, measured - course(time), noise, apart=ERRORS.course_apart)
+        rest = measured - course(time)
+        lags = float(np.sqrt(np.mean(rest**2))) <= ERRORS.as_lagging * noise
+        apart = ERRORS.course_apart[1 if lags else 0]
+        rest = smooth_course(time, rest, noise, apart=apart)
         # Between samples the suction bends as the rig makes it: a chord is off by millibars.
         inside = [t for t in course.time_s if time[0] < t < time[-1]]
         knots = np.union1d(time, inside)

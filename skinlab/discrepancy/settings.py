@@ -73,12 +73,15 @@ class ErrorRules:
     repeats tell of, is no gap. Larger ones move `life_none_alarms` down, and hide weak effects."""
     fewest: int = 20
     """Samples of a curve that can be looked at."""
-    course_apart: float = 2.0
-    """Of `smooth_course`: less than for one curve; corners of fast programs at 10 Hz stay."""
+    course_apart: tuple[float, float] = (2.0, 3.0)
+    """Of `smooth_course`: less than for one curve, so that corners of fast programs at 10 Hz stay;
+    more where a lag leaves none: noise in the path is what a play or a friction would take off."""
     corners: tuple[float, float] = (0.5, 0.1)
     """How far the path may cut corners of that: of the noise, and mbar at least."""
     as_asked: float = 1.25
-    """A channel within so many times its noise of the program followed it."""
+    """A channel within so many times its noise of the program followed it;"""
+    as_lagging: float = 1.5
+    """within so many of the program by a lag, it followed that."""
     rounding_um: float = 0.3
     """Of a deflection's noise,"""
     rounding_mbar: float = 0.01
