@@ -16,6 +16,8 @@ _WORDS: dict[Role, str] = {
     "deflection": "deflec displac elevat height deform elongat penetrat extens disten auslenk "
     "weg verform hohe abheb eindring elevac hauteur deplac altezza spostam altura desplaz dome",
 }
+# Whole names of a pressure: a file may have it beside a program that is stated.
+_SYMBOLS = frozenset({"p", "sog", "vac"})
 _BRACKETED = re.compile(r"(.*?)\s*[(\[{<]\s*([^()\[\]{}<>]*?)\s*[)\]}>]\s*\.?")
 _APPENDED = re.compile(r"(.*?)(?:\s*/\s*|\s*,\s*|\s+in\s+|_|\s+|\s*:\s*)([^\s/,:_]+)")
 # As a last word these are too short to be a unit without a bracket or a name that fits.
@@ -43,6 +45,8 @@ def read_heading(text: str, unit_text: str = "") -> Heading:
     if unit_text.strip():
         name, unit, bracketed = text, find_unit(unit_text), True
     named = _named(name)
+    if named is None and name.strip(" .").casefold() in _SYMBOLS and (unit or not bracketed):
+        named = "pressure"  # of "P (W)" it is not
     if named is None:
         doubtful = not bracketed and unit is not None and unit.name in _DOUBTFUL
         return Heading(text, None if unit is None or doubtful else unit.role, unit)

@@ -130,6 +130,23 @@ def test_any_combination_of_forms_reads_back_to_the_same_numbers(export):
     np.testing.assert_allclose(curve.deflection_mm, deflection_mm, rtol=1e-12)
 
 
+@pytest.mark.parametrize("heading", ["p/bar", "P_bar", "Sog [bar]", "Vac bar", "p (bar)"])
+def test_a_pressure_that_is_there_goes_before_the_program(heading):
+    """The pump reached four fifths of what it was to: the program's own made stiffer skin of it."""
+    text = f"t/s;{heading};w/mm\n" + rows(scale=(1, 0.8e-3, 1))
+    curve = read(text, RAMP).curve
+    np.testing.assert_allclose(curve.pressure_mbar, 0.8 * np.arange(101), atol=0.06)
+    said = refusal(text.replace(heading, "p"), RAMP)
+    assert "the unit of the pressure (column 'p') is not known" in said
+
+
+def test_what_is_no_channel_is_named():
+    text = "t/s;P (W);w/mm\n" + rows()
+    imported = read(text, RAMP)
+    assert "columns not used: 'P (W)'" in imported.understood
+    assert not any("not used" in said for said in read(WHOLE).understood)
+
+
 WHOLE = ("Time (s);Pressure (mbar);Deflection (mm)\n" + rows(n=12)).encode()
 
 
