@@ -177,6 +177,14 @@ def test_a_result_in_another_process_is_small_and_whole(curve):
     assert copy.deepcopy(found)._identifier.database is found._identifier.database
 
 
+def test_a_program_that_has_numpy_raise_gets_the_same_answer(curve):
+    """An underflow is no error here; it ended in a FloatingPointError."""
+    with np.errstate(all="raise"):
+        strict = [skinlab.identify(curve), skinlab.identify_joint([curve])]
+    usual = [skinlab.identify(curve), skinlab.identify_joint([curve])]
+    assert [one.parameters for one in strict] == [one.parameters for one in usual]
+
+
 def test_options_of_a_method_go_by_name(curve):
     found = skinlab.identify(curve, method="sto", samples=200, best=10)
     assert found.method == "sto"
