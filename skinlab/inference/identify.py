@@ -616,13 +616,14 @@ def _with_uncertainty(
 ) -> Identification:
     found = left.errors
     known = from_draws(answer, space, left.draws, law, kappa, seed)
+    beyond = ["outside_database"] if left.thickness_is_cut else []
     return replace(
         known,
         noise_um=found.noise_um,
         error_model=found.summary,
         placement=found.placement,
         evaluations=answer.evaluations + left.draws.evaluations,
-        flags=(*known.flags, *found.flags),
+        flags=tuple(dict.fromkeys([*beyond, *known.flags, *found.flags])),
         uncertainty=left,
     )
 

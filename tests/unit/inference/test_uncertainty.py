@@ -50,6 +50,21 @@ def width(result, name):
     return value.high - value.low
 
 
+@pytest.mark.parametrize(
+    ("setup", "told"),
+    [
+        (Setup(8.0, 0.55, thickness_sd_mm=0.08), True),  # the table begins at 0.5 mm
+        (Setup(8.0, 0.55, thickness_sd_mm=0.02), False),
+        (Setup(4.0, 0.55, thickness_sd_mm=0.08), False),
+        (Setup(2.0, 2.9, thickness_sd_mm=0.1), True),  # and ends at 3 mm
+    ],
+)
+def test_a_database_that_ends_within_the_thickness_deviation_is_told(table, setup, told):
+    """What lies beyond was cut off in silence: of 60 skins like the first, X1 held in 43."""
+    result = Identifier(table)(curve_of(table, SKIN, setup, noise_um=3.0))
+    assert ("outside_database" in result.flags) == told
+
+
 @pytest.mark.long
 def test_auto_finds_the_optimum_of_every_curve(table):
     """Against 100 polished starts; benchmarks/identification.py does it for 1,000 from the FE."""
