@@ -268,6 +268,13 @@ def test_a_curve_that_is_read_knows_its_placement(path):
     assert skinlab.read_curve(path, **OPENING, placement="a").setup.placement == "a"
 
 
+@pytest.mark.parametrize("program", ["ramp:100@5", "ramp:50@20,ramp:0@20"])
+def test_a_curve_of_another_program_is_refused(path, program):
+    """Its phases would be wrong: as a campaign's, and an import's."""
+    with pytest.raises(skinlab.InputError, match="does not follow its program"):
+        skinlab.read_curve(path, aperture_mm=6, thickness_mm=1, program=program)
+
+
 def test_identify_wants_a_curve(path):
     with pytest.raises(skinlab.InputError, match="read_curve"):
         skinlab.identify(str(path))
