@@ -26,11 +26,15 @@ _DOUBTFUL = frozenset({"min", "mb", "bar"})
 
 @dataclass(frozen=True)
 class Heading:
-    """One heading, taken apart. `role` is None where neither name nor unit tells."""
+    """One heading, taken apart. `role` is None where neither name nor unit tells.
+
+    `symbol`: it is that of a pressure, and has no unit: so it is where no other column is.
+    """
 
     text: str
     role: Role | None = None
     unit: Unit | None = None
+    symbol: bool = False
 
 
 @lru_cache(maxsize=1024)
@@ -45,8 +49,11 @@ def read_heading(text: str, unit_text: str = "") -> Heading:
     if unit_text.strip():
         name, unit, bracketed = text, find_unit(unit_text), True
     named = _named(name)
-    if named is None and name.strip(" .").casefold() in _SYMBOLS and (unit or not bracketed):
-        named = "pressure"  # of "P (W)" it is not
+    if named is None and name.strip(" .").casefold() in _SYMBOLS:
+        if unit is not None and unit.role == "pressure":
+            named = "pressure"
+        elif not bracketed:  # "P (W)" is none
+            return Heading(text, symbol=True)
     if named is None:
         doubtful = not bracketed and unit is not None and unit.name in _DOUBTFUL
         return Heading(text, None if unit is None or doubtful else unit.role, unit)

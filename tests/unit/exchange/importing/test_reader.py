@@ -140,6 +140,18 @@ def test_a_pressure_that_is_there_goes_before_the_program(heading):
     assert "the unit of the pressure (column 'p') is not known" in said
 
 
+def test_a_pressure_by_its_name_goes_before_a_symbol():
+    imported = read("t/s;P;Druck/mbar;w/mm\n" + rows(pick=(0, 2, 1, 2), scale=(1, 1, 1, 1)))
+    check_ramp(imported)
+    assert "columns not used: 'P'" in imported.understood
+
+
+@pytest.mark.parametrize("person", ["17", "P17"])
+def test_a_column_that_never_moves_is_no_pressure(person):
+    text = "P;t/s;w/mm\n" + "".join(f"{person};{row}\n" for row in rows(pick=(0, 2)).split())
+    check_ramp(read(text, RAMP), rtol=1e-9)
+
+
 def test_what_is_no_channel_is_named():
     text = "t/s;P (W);w/mm\n" + rows()
     imported = read(text, RAMP)
