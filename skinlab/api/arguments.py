@@ -10,6 +10,8 @@ from collections.abc import Callable, Iterable, Sequence
 from numbers import Integral, Real
 from typing import Any, Literal, ParamSpec, TypeVar, Union, get_args, get_origin, get_type_hints
 
+import numpy as np
+
 from skinlab.curves import curve as curves
 from skinlab.errors import InputError
 
@@ -27,6 +29,9 @@ _WORDS: dict[object, str] = {
 }
 _LISTS = (Sequence, list, tuple)
 _LONGEST = 60  # of a value that is shown
+_AS_NUMPY_COMES: dict[str, Any] = {
+    "divide": "warn", "over": "warn", "under": "ignore", "invalid": "warn",
+}  # fmt: skip
 
 
 def checked(function: Callable[P, R]) -> Callable[P, R]:
@@ -47,7 +52,8 @@ def checked(function: Callable[P, R]) -> Callable[P, R]:
                 continue
             if not _fits(value, hints[name]):
                 raise InputError(f"{name} {_short(value)}: expected {_words(hints[name])}")
-        return function(*args, **kwargs)
+        with np.errstate(**_AS_NUMPY_COMES):  # and not as the caller's program has it
+            return function(*args, **kwargs)
 
     return call
 

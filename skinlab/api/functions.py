@@ -32,6 +32,7 @@ from skinlab.curves import curve as curves
 from skinlab.curves.distinct import check_distinct, named_apart
 from skinlab.curves.one_skin import check_one_skin
 from skinlab.curves.program import Program, parse_program
+from skinlab.curves.program_check import check_program
 from skinlab.errors import InputError, NotTrustworthyError
 from skinlab.inference import result as identifications
 from skinlab.inference.batch import fitted_together, with_stated_noise
@@ -66,12 +67,13 @@ def read_curve(
     placement: a name for one putting-on of the probe; None: a curve of cycle 1 begins one.
 
     Raises:
-        InputError: names the file, the line or field, and what was expected.
+        InputError: names the file, the line or field, and what was expected; or the pressure is
+            far off the program.
     """
     setup = curves.Setup(
         aperture_mm, thickness_mm, _program(program), cycle, repeat, thickness_sd_mm, placement
     )
-    return Curve.of(csv.read_curve(as_path(path), setup))
+    return Curve.of(check_program(csv.read_curve(as_path(path), setup)))
 
 
 @checked

@@ -59,6 +59,7 @@ def build(spec: str, out: Path | None, workers: int | None, dask: str | None, re
     from skinlab.tables.build import build as build_table
     from skinlab.tables.parallel_build import How
     from skinlab.tables.store import write
+    from skinlab.tables.table import NOT_MEASURED
 
     if dask is not None and workers is not None:
         raise click.UsageError("--dask and --workers exclude each other")
@@ -90,8 +91,9 @@ def build(spec: str, out: Path | None, workers: int | None, dask: str | None, re
         raise
     kept.unlink(missing_ok=True)
     echo(f"{out}: {entries} curves, {table.content_hash}")
-    if off := what.between(table):
-        echo(off)
+    off = what.between(table)
+    if off != "":
+        echo(NOT_MEASURED if off is None else off)
     return 0
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import islice
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -27,7 +28,7 @@ from skinlab.cli.output import echo, echo_text, print_json, tell_left_behind
 from skinlab.cli.start import INTERRUPTED
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Sequence
 
     from skinlab.curves.curve import Curve
     from skinlab.inference.identify import Identifier
@@ -92,6 +93,7 @@ def command(
     from dataclasses import replace
 
     from skinlab.errors import InputError
+    from skinlab.inference.batch import identify_all
     from skinlab.inference.result import Identification, document, not_trustworthy
     from skinlab.recording.load_inputs import Input, import_advice, read_input
     from skinlab.report.text import describe, describe_advice
@@ -145,9 +147,10 @@ def command(
         _check_together(read)
     results: list[Identification] = []
     together, advice, stopped = None, None, False
+    answers = identify_all(identifier, [c for given in read for c in given.curves], workers)
     try:
         for one in taken:
-            for result in _each(identifier, one, workers) if isinstance(one, Input) else [one]:
+            for result in islice(answers, len(one.curves)) if isinstance(one, Input) else [one]:
                 results.append(result)  # so that what is done stays where it is interrupted
         knowing = identifier
         if joint and read:
@@ -233,13 +236,6 @@ def _beside(
         return {"error": str(error)}, []
     lines = [f"{one.quantity} is {one.words} ({one.range.words}; {one.source})" for one in found]
     return {one.quantity: one.to_json() for one in found}, lines
-
-
-def _each(identifier: Identifier, given: Input, workers: int) -> Iterator[Identification]:
-    from skinlab.inference.batch import identify_all, with_stated_noise
-
-    knowing = with_stated_noise(identifier, given.noise_um, given.pressure_noise_mbar)
-    return identify_all(knowing, given.curves, workers)
 
 
 def _tell_model(path: Path, own: StatedModel, *, database_given: bool) -> None:

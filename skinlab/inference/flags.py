@@ -94,8 +94,9 @@ CATALOGUE = {
     ),
     "outside_database": Flag(
         "partly outside the database",
-        "Samples, or the whole curve, lie where nothing was computed, and were not fitted.",
-        "Use a thickness and a pressure inside the database.",
+        "Samples, the whole curve, or thicknesses within the stated deviation lie where nothing "
+        "was computed, and were left out.",
+        "Use a thickness and a pressure inside the database; a smaller opening takes thinner skin.",
     ),
     "not_converged": Flag(
         "not converged",

@@ -30,7 +30,7 @@ from skinlab.inference.intervals import (
 from skinlab.inference.joint import GaussianPrior, JointMisfit
 from skinlab.inference.methods import METHODS, auto, get_method
 from skinlab.inference.methods.checked import checked_estimate
-from skinlab.inference.noise import contradicted_pressure_noise
+from skinlab.inference.noise import contradicted_pressure_noise, mesh_error_shapes
 from skinlab.inference.optimise import polish
 from skinlab.inference.posterior import Draws, sample
 from skinlab.inference.problem import Estimate, Options, Problem, SquaredMisfit
@@ -364,7 +364,7 @@ class Identifier:
 
         As of those with intervals, by draws about the answer in the database's whole range: the
         curvature there says too little of a curved valley, and a method's own box is no knowledge.
-        White noise is as large as the residuals.
+        White noise is as large as the residuals; mesh and database err as they do.
         """
         space = models[0].space if self.space is None else self.space
         residual = np.concatenate(_residuals(groups, models, estimate))
@@ -373,10 +373,12 @@ class Identifier:
         everything = [f"not_identifiable:{name}" for name in space.names]
         if not np.isfinite(sigma):
             return everything
-        parts: list[SquaredMisfit] = [
-            m.misfit(g.deflection_mm, independent(np.full(len(g.deflection_mm), sigma)))
-            for g, m in zip(groups, models, strict=True)
-        ]
+        parts: list[SquaredMisfit] = []
+        for g, m in zip(groups, models, strict=True):
+            w = m.deflection_mm(estimate.parameters[None])[0]
+            wrong = mesh_error_shapes(g.pressure_mbar, w), m.error_shapes_mm(estimate.parameters)
+            errors = independent(np.full(len(w), sigma), np.hstack(wrong))
+            parts.append(m.misfit(g.deflection_mm, errors))
         unit = space.to_unit(estimate.parameters)
         rng = np.random.default_rng(self.seed)
         try:
@@ -616,13 +618,14 @@ def _with_uncertainty(
 ) -> Identification:
     found = left.errors
     known = from_draws(answer, space, left.draws, law, kappa, seed)
+    beyond = ["outside_database"] if left.thickness_is_cut else []
     return replace(
         known,
         noise_um=found.noise_um,
         error_model=found.summary,
         placement=found.placement,
         evaluations=answer.evaluations + left.draws.evaluations,
-        flags=(*known.flags, *found.flags),
+        flags=tuple(dict.fromkeys([*beyond, *known.flags, *found.flags])),
         uncertainty=left,
     )
 

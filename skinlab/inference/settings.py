@@ -319,6 +319,9 @@ class PosteriorRules:
     common_thickness: float = 0.5
     """Of the stated thickness' variance, where there are several placements; the rest is each
     placement's own. Assumed, not measured."""
+    thickness_within: float = 1.645
+    """Standard deviations of the thickness: where the database ends nearer, more than 5 % of what
+    is possible is cut off, which is told."""
     alike: float = 2.5
     """Standard deviations: curves whose noises are closer have the same."""
 

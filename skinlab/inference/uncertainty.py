@@ -85,6 +85,14 @@ class Uncertainty:
     relative_thickness_sd: float = 0.0
     pressure_noise_mbar: float = 0.0  # of a reading, as it was stated or found; the curves' median
 
+    @property
+    def thickness_is_cut(self) -> bool:
+        """Whether the database ends where the thickness may still be: intervals are too narrow."""
+        if self.relative_thickness_sd <= 0.0:
+            return False
+        low, high = (float(end[-1]) for end in self.space.bounds)
+        return min(1.0 - low, high - 1.0) < POSTERIOR.thickness_within * self.relative_thickness_sd
+
 
 @dataclass(frozen=True)
 class Elsewhere:

@@ -34,6 +34,7 @@ ANY = "any"
 
 _Test = Callable[["Range"], bool]
 _Known = Callable[[Sequence["Range"]], str]
+_NO_PROGRAM = "not stated (a campaign.toml states it, or `skinlab import --program`)"
 
 
 class Range(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -182,7 +183,7 @@ def place(
     tests: tuple[tuple[str, _Test, _Known], ...] = (
         (f"an opening of {aperture_mm:g} mm", lambda r: r.aperture_mm == aperture_mm, _openings),
         (
-            f"the program {asked or 'not stated'}",
+            f"the program {asked or _NO_PROGRAM}",
             lambda r: str(parse_program(r.program)) == asked,
             _programs,
         ),

@@ -31,7 +31,7 @@ from skinlab.tables.axes import Coordinate, TableAxis
 from skinlab.tables.evaluator import Evaluator
 from skinlab.tables.lagrange import TensorLagrange, matrix
 from skinlab.tables.settings import INTERPOLATION, VERIFY
-from skinlab.tables.table import Asked, Dataset, Table, plain_point
+from skinlab.tables.table import NOT_MEASURED, Asked, Dataset, Table, plain_point
 
 Array = NDArray[np.float64]
 Axes = tuple[tuple[str, tuple[float, ...]], ...]
@@ -236,10 +236,9 @@ class GridSpec:
             ),
         )
 
-    def between(self, table: Table) -> str:
-        """Return '': the paper's grid is as the paper's, and is not compared."""
+    def between(self, table: Table) -> None:
+        """Return None: the paper's grid is as the paper's, and is not compared."""
         del table
-        return ""
 
     def describe(self, table: Table) -> list[str]:
         """Return what is in it."""
@@ -252,7 +251,7 @@ class GridSpec:
         for name, axis in (*self.axis, ("pressure_mbar", self.pressure_mbar)):
             lines.append(f"  {name:<22}{axis[0]:g} to {axis[-1]:g}, {len(axis)} nodes")
         lines.append(f"{self.entries} curves, {short} of them hold to less than {top:g} mbar")
-        return lines
+        return [*lines, NOT_MEASURED]
 
     # ---- files ----
 

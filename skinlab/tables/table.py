@@ -32,7 +32,8 @@ from skinlab.tables.evaluator import Evaluator
 Array = NDArray[np.float64]
 
 NOT_MEASURED = (
-    "how far it is off between the nodes was not measured, and is in no interval: build it again"
+    "how far it is off between the nodes was not measured, and is in no interval: a dimensionless "
+    "table, or one of a SPEC.toml, that is built now knows it"
 )
 
 
@@ -150,7 +151,7 @@ class Spec(Protocol):
     def between(self, table: Table) -> str | None:
         """Return how far it is off between its nodes, in words; '' where nothing is to be said.
 
-        None where it was to be measured, and was not.
+        None where it was not measured.
         """
         ...
 

@@ -264,7 +264,7 @@ _WHAT_TO_DO = {  # with the screen's own keys; the rest is the catalogue's advic
     "not_identifiable": "Measure with another opening too and fit together (s, j), or go higher.",
     "misfit_above_noise": "Press d to look for what the model misses.",
     "at_bound": "Do not use the number as it is.",
-    "outside_database": "Part of the curve is beyond the database, and was not fitted.",
+    "outside_database": "Part of the curve, or of likely thicknesses, is beyond the database.",
     "not_converged": "The search did not settle: measure again.",
     "partial_curve": "The curve was cut short: measure again.",
     "not_first_cycle": "Not the first loading: the skin is softer than when fresh; let it rest.",

@@ -38,7 +38,7 @@ def find_channels(table: Table, answers: Answers, *, pressure: bool) -> dict[Rol
         InputError: a channel is missing, or it stays open which column or unit it is.
     """
     needed: list[Role] = ["time", "deflection"]
-    known = any(heading.role == "pressure" for heading in table.headings)
+    known = any(heading.role == "pressure" for heading in table.headings) or _symbols(table)
     if pressure or known or answers.stated("pressure-column"):
         needed.insert(1, "pressure")
     chosen: dict[Role, int] = {}
@@ -52,6 +52,12 @@ def find_channels(table: Table, answers: Answers, *, pressure: bool) -> dict[Rol
     if len(set(chosen.values())) < len(chosen):
         raise InputError("one column cannot be two channels; expected different columns")
     return {role: _channel(table, role, index, answers) for role, index in chosen.items()}
+
+
+def _symbols(table: Table) -> list[int]:
+    """Return the columns that are a pressure by their symbol; one that never moves is none."""
+    each = enumerate(zip(table.headings, table.columns, strict=True))
+    return [k for k, (h, values) in each if h.symbol and values is not None and np.ptp(values) > 0]
 
 
 def _label(table: Table, index: int) -> str:
@@ -90,6 +96,8 @@ def _found(table: Table, role: Role, taken: tuple[int, ...], answers: Answers) -
         return next((left for some in found if (left := [k for k in some if k not in taken])), [])
 
     fitting = having(role)
+    if role == "pressure" and not fitting:
+        fitting = [k for k in _symbols(table) if k not in taken]
     if len(fitting) == 1:
         return fitting[0]
     if fitting:

@@ -19,6 +19,8 @@ _WORDS: dict[Role, str] = {
     "deflection": "deflec displac elevat height deform elongat penetrat extens disten auslenk "
     "weg verform hohe abheb eindring elevac hauteur deplac altezza spostam altura desplaz dome",
 }
+# Whole names of a pressure: a file may have it beside a program that is stated.
+_SYMBOLS = frozenset({"p", "sog", "vac"})
 _BRACKETED = re.compile(r"(.*?)\s*[(\[{<]\s*([^()\[\]{}<>]*?)\s*[)\]}>]\s*\.?")
 _APPENDED = re.compile(r"(.*?)(?:\s*/\s*|\s*,\s*|\s+in\s+|_|\s+|\s*:\s*)([^\s/,:_]+)")
 # What is of a whole curve; lengths among them are no deflection.
@@ -38,12 +40,14 @@ class Heading:
     """One heading, taken apart. `role` is None where neither name nor unit tells.
 
     `constant` is what it tells of a whole curve: another value is of another curve.
+    `symbol`: it is that of a pressure, and has no unit: so it is where no other column is.
     """
 
     text: str
     role: Role | None = None
     unit: Unit | None = None
     constant: Constant | None = None
+    symbol: bool = False
 
 
 @lru_cache(maxsize=1024)
@@ -58,6 +62,11 @@ def read_heading(text: str, unit_text: str = "") -> Heading:
     if unit_text.strip():
         name, unit, bracketed = text, _agreed(unit, find_unit(unit_text), bracketed), True
     named = _named(name)
+    if named is None and name.strip(" .").casefold() in _SYMBOLS:
+        if unit is not None and unit.role == "pressure":
+            named = "pressure"
+        elif not bracketed:  # "P (W)" is none
+            return Heading(text, symbol=True)
     of_length = not bracketed if unit is None else unit.role == "deflection"
     if named is None and of_length and (constant := _constant(name)) is not None:
         return Heading(text, None, unit, constant)

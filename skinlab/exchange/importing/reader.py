@@ -145,12 +145,15 @@ def _import(path: Path, data: bytes, setup: Setup, answers: Answers) -> Imported
     check_one_curve(table, setup)
     channels = find_channels(table, answers, pressure=setup.program is None)
     curve, notes = _curve(path.name, setup, table, channels, answers)
-    understood = (form, *_columns(channels), *_lines(table), *notes, *answers.recalled)
+    understood = (form, *_columns(table, channels), *_lines(table), *notes, *answers.recalled)
     return Imported(curve, path.name, hashlib.sha256(data).hexdigest(), understood)
 
 
-def _columns(channels: Mapping[Role, Channel]) -> list[str]:
-    return [f"{role}: column {c.name!r} in {c.unit}" for role, c in channels.items()]
+def _columns(table: Table, channels: Mapping[Role, Channel]) -> list[str]:
+    said = [f"{role}: column {c.name!r} in {c.unit}" for role, c in channels.items()]
+    used = {c.name for c in channels.values()}
+    left = [h.text for h in table.headings if h.text and h.text not in used]
+    return [*said, f"columns not used: {', '.join(map(repr, left))}"] if left else said
 
 
 def _lines(table: Table) -> list[str]:

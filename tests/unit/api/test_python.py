@@ -177,6 +177,14 @@ def test_a_result_in_another_process_is_small_and_whole(curve):
     assert copy.deepcopy(found)._identifier.database is found._identifier.database
 
 
+def test_a_program_that_has_numpy_raise_gets_the_same_answer(curve):
+    """An underflow is no error here; it ended in a FloatingPointError."""
+    with np.errstate(all="raise"):
+        strict = [skinlab.identify(curve), skinlab.identify_joint([curve])]
+    usual = [skinlab.identify(curve), skinlab.identify_joint([curve])]
+    assert [one.parameters for one in strict] == [one.parameters for one in usual]
+
+
 def test_options_of_a_method_go_by_name(curve):
     found = skinlab.identify(curve, method="sto", samples=200, best=10)
     assert found.method == "sto"
@@ -258,6 +266,13 @@ class TestTypes:
 def test_a_curve_that_is_read_knows_its_placement(path):
     assert skinlab.read_curve(path, **OPENING).setup.placement is None
     assert skinlab.read_curve(path, **OPENING, placement="a").setup.placement == "a"
+
+
+@pytest.mark.parametrize("program", ["ramp:100@5", "ramp:50@20,ramp:0@20"])
+def test_a_curve_of_another_program_is_refused(path, program):
+    """Its phases would be wrong: as a campaign's, and an import's."""
+    with pytest.raises(skinlab.InputError, match="does not follow its program"):
+        skinlab.read_curve(path, aperture_mm=6, thickness_mm=1, program=program)
 
 
 def test_identify_wants_a_curve(path):

@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from skinlab import workers
 from skinlab.cli.main import _COMMANDS, cli, run
 from skinlab.inference.identify import Identifier
 from skinlab.inference.methods import method_names
@@ -478,6 +479,29 @@ def test_the_shell_completes_commands_and_options(words, found):
         check=True,
     )
     assert f"plain,{found}" in done.stdout.splitlines()
+
+
+def test_workers_share_the_curves_of_all_files(capsys, monkeypatch, curve_csv):
+    """A file is one curve: its processes were for the curves of one file, and 300 had one."""
+    asked = []
+
+    class Here(workers.Pool):
+        def __init__(self, count, state):
+            asked.append(count)
+            super().__init__(1, state)
+
+    monkeypatch.setattr(workers, "Pool", Here)
+    other, absent = curve_csv.with_name("d.csv"), curve_csv.with_name("absent.csv")
+    other.write_text(curve_csv.read_text())
+    command = ["identify", curve_csv, absent, other, *SKIN, "--json"]
+    alone, together = (json.loads(call(capsys, *command, *w)[1]) for w in ([], ["--workers", 3]))
+    assert asked == [2]
+    for document in (alone, together):
+        names = [Path(entry["file"]).name for entry in document["curves"]]
+        assert names == ["c.csv", "absent.csv", "d.csv"]
+        for entry in document["curves"]:
+            entry.pop("seconds")
+    assert alone == together
 
 
 @pytest.mark.parametrize("more", [(), ("--advise",)])

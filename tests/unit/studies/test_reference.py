@@ -39,7 +39,7 @@ def test_what_is_not_comparable_is_refused(reference):
     for change, words in (
         ({"aperture_mm": 6.0}, "an opening of 6 mm; it has 2 mm"),
         ({"program": "ramp:100@20"}, "the program ramp:100@20"),
-        ({"program": None}, "program not stated"),
+        ({"program": None}, r"program not stated \(a campaign.toml states it"),
         ({"site": "heel"}, "no site 'heel'"),
     ):
         with pytest.raises(InputError, match=words):

@@ -6,11 +6,12 @@ import h5py
 import numpy as np
 import pytest
 
+from skinlab.api.identifiers import find_table
 from skinlab.errors import InputError, NotTrustworthyError
 from skinlab.inference.problem import Problem
 from skinlab.mechanics.fem.suction import Geometry, solve
 from skinlab.mechanics.materials.compressibility import kappa_ratio, nu_from_ratio
-from skinlab.tables.build import build, rebuilt_differences
+from skinlab.tables.build import build, describe, rebuilt_differences
 from skinlab.tables.grid_spec import GridSpec
 from skinlab.tables.lagrange import TensorLagrange, matrix
 from skinlab.tables.parallel_build import How
@@ -107,6 +108,25 @@ def test_what_was_built_is_what_is_read(tmp_path):
     path = tmp_path / "grid.h5"
     write(path, one)
     assert read(path).content_hash == one.content_hash
+
+
+def test_that_no_interval_knows_how_far_the_grid_is_off_is_told(tmp_path, grid, table, capsys):
+    """`database build` makes this one where no spec is named: 5 µm off at its soft end."""
+    skin, p = {"X1_MPa": 0.0122, "X2_MPa": 1.14}, np.linspace(0.0, 100.0, 26)
+    kappa = 0.0122 * float(kappa_ratio(0.205, "paper"))
+    direct = solve(GEOMETRY, {**skin, "kappa_MPa": kappa}, 100.0)(p)
+    off_um = [
+        1e3
+        * np.abs(one.model(GEOMETRY, p).deflection_mm(np.array([[0.0122, 1.14, 0.205]])) - direct)
+        for one in (grid, table)
+    ]
+    assert off_um[0].max() > 2.0
+    assert off_um[1].max() < 0.5
+    path = tmp_path / "grid.h5"
+    write(path, grid)
+    find_table(path)
+    assert "grid.h5: how far it is off between the nodes was not" in capsys.readouterr().err
+    assert "is in no interval" in describe(grid)
 
 
 def test_a_damaged_file_is_told(tmp_path, grid):

@@ -352,7 +352,7 @@ def test_how_far_a_table_is_off_between_its_nodes_is_measured_when_it_is_built(
     again = read(path)
     np.testing.assert_array_equal(again.extra["interpolation_error"], errors)
     write(path, not_measured(coarse))
-    assert "was not measured, and is in no interval: build it again" in describe(read(path))
+    assert "was not measured, and is in no interval: a dimensionless" in describe(read(path))
     find_table(path)
     assert "table.h5: how far it is off between the nodes was not" in capsys.readouterr().err
 

@@ -130,6 +130,35 @@ def test_any_combination_of_forms_reads_back_to_the_same_numbers(export):
     np.testing.assert_allclose(curve.deflection_mm, deflection_mm, rtol=1e-12)
 
 
+@pytest.mark.parametrize("heading", ["p/bar", "P_bar", "Sog [bar]", "Vac bar", "p (bar)"])
+def test_a_pressure_that_is_there_goes_before_the_program(heading):
+    """The pump reached four fifths of what it was to: the program's own made stiffer skin of it."""
+    text = f"t/s;{heading};w/mm\n" + rows(scale=(1, 0.8e-3, 1))
+    curve = read(text, RAMP).curve
+    np.testing.assert_allclose(curve.pressure_mbar, 0.8 * np.arange(101), atol=0.06)
+    said = refusal(text.replace(heading, "p"), RAMP)
+    assert "the unit of the pressure (column 'p') is not known" in said
+
+
+def test_a_pressure_by_its_name_goes_before_a_symbol():
+    imported = read("t/s;P;Druck/mbar;w/mm\n" + rows(pick=(0, 2, 1, 2), scale=(1, 1, 1, 1)))
+    check_ramp(imported)
+    assert "columns not used: 'P'" in imported.understood
+
+
+@pytest.mark.parametrize("person", ["17", "P17"])
+def test_a_column_that_never_moves_is_no_pressure(person):
+    text = "P;t/s;w/mm\n" + "".join(f"{person};{row}\n" for row in rows(pick=(0, 2)).split())
+    check_ramp(read(text, RAMP), rtol=1e-9)
+
+
+def test_what_is_no_channel_is_named():
+    text = "t/s;P (W);w/mm\n" + rows()
+    imported = read(text, RAMP)
+    assert "columns not used: 'P (W)'" in imported.understood
+    assert not any("not used" in said for said in read(WHOLE).understood)
+
+
 WHOLE = ("Time (s);Pressure (mbar);Deflection (mm)\n" + rows(n=12)).encode()
 
 
