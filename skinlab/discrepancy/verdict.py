@@ -106,7 +106,9 @@ def _learns(one: Candidate, found: Found) -> bool:
     return one.adequate or little or nearly_all
 
 
-def outdone_by_names(learned: Verdict, named: Sequence[Candidate], stood: Candidate | None) -> bool:
+def outdone_by_names(
+    learned: Verdict, named: Sequence[Candidate], stood: Candidate | None = None
+) -> bool:
     """Return whether effects with a name explain, and a learned function is no better than they.
 
     One that leaves more than noise and is behind them: it is one of these that is missing, though

@@ -43,7 +43,13 @@ from skinlab.discrepancy.space_mapping import MappedModel
 from skinlab.discrepancy.table_domes import TableDomes
 from skinlab.discrepancy.text import in_all_words
 from skinlab.discrepancy.unknowns import Unknowns
-from skinlab.discrepancy.verdict import Verdict, decide, disciplined, outdone_by_names
+from skinlab.discrepancy.verdict import (
+    Verdict,
+    decide,
+    decide_learned,
+    disciplined,
+    outdone_by_names,
+)
 from skinlab.mechanics.effects.model import felt_path, solve_skin
 from skinlab.mechanics.fem.skin import SkinProblem
 from skinlab.mechanics.fem.suction import Geometry
@@ -303,6 +309,37 @@ def test_what_is_learned_and_leaves_more_gives_way_to_names_that_do_not(left, be
     learned = Verdict("learned", [candidate(("learned_creep",), 81.0, left)])
     named = [candidate((*LAG, *SLIP), 81.0 + behind), candidate(GAIN, 200.0, BAD)]
     assert outdone_by_names(learned, named) is outdone
+
+
+@pytest.mark.parametrize(
+    ("kind", "name", "ahead", "outdone"),
+    [
+        ("learned_pressure_bow", "sensor_curve", 1.0, True),
+        ("learned_pressure_bow", "sensor_curve", 1.5, False),
+        ("learned_sensor_curve", "sensor_curve", 1.0, False),  # the name is a form of that kind
+    ],
+)
+def test_a_function_is_learned_where_it_leads_the_name_that_it_took_the_place_of(
+    kind, name, ahead, outdone
+):
+    learned = Verdict("learned", [candidate((kind,), 10.0 + ahead)])
+    stood = candidate((name,), 10.0)
+    assert outdone_by_names(learned, [stood], stood) is outdone
+    assert outdone_by_names(learned, [stood], None) is False
+
+
+def test_functions_of_one_kind_are_one_answer():
+    """The next one is tried where the first does not stand its trials."""
+    bow, curve = (candidate((f"learned_pressure_{n}",), e) for n, e in (("bow", 9), ("curve", 8.5)))
+    frame = candidate(("learned_frame",), 7.0)
+    base = candidate((), 0.0, BAD)
+    found = SimpleNamespace(
+        candidates=[bow, curve, frame], base=base, tie=1.3, errors=SimpleNamespace(count=1)
+    )
+    verdict = decide_learned(found)
+    assert verdict.explanations == [bow, curve]
+    assert verdict.without(0).explanations == [bow]
+    assert (verdict.without(1).name, verdict.without(1).explanations) == ("learned", [curve])
 
 
 def test_where_nothing_fits_it_is_unknown():

@@ -235,7 +235,7 @@ def test_so_it_does_where_curves_are_identified_together(campaign, monkeypatch):
         told.append(identifier.sensor.placement_scatter)
         raise InputError("enough")
 
-    monkeypatch.setattr("skinlab.cli.identify._each", lambda *_: [])
+    monkeypatch.setattr("skinlab.inference.batch.identify_all", lambda *_: iter([]))
     monkeypatch.setattr("skinlab.inference.identify.Identifier.joint", stopped)
     for option in ([], ["--placement-scatter", "0.05"], ["--placement-scatter", "auto"]):
         assert run(["identify", str(campaign), "--joint", *option]) == 3
