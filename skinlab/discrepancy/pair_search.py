@@ -314,7 +314,7 @@ class PairSearch:
         """Return the next partners of that member of a pair which alone comes nearest.
 
         Where it takes nearly all of the gap its fit has gone far for the rest: of a fat layer that
-        took 99 % five partners promised more than the tension that was right by 27 decades.
+        took 99 % five partners promised more than the tension that was right by 7 decades.
         """
         members = best.effects[len(self._own) :]
         alone = [c for c in candidates if c.effects[len(self._own) :] in [(n,) for n in members]]
