@@ -17,6 +17,7 @@ from skinlab.text import inert
 
 EXIT_BAD_INPUT = 3
 EXIT_LINK = 4
+_FILE = click.Path(readable=False, path_type=Path)  # what cannot be read is bad input, not usage
 
 
 @click.command(epilog="Example: python -m sim_device --pty --skin SKIN.toml --speed 10")
@@ -24,15 +25,13 @@ EXIT_LINK = 4
 @click.option(
     "--tcp", type=click.IntRange(0, 65535), metavar="PORT", help="Serve on 127.0.0.1; 0: any port."
 )
-@click.option("--skin", type=click.Path(path_type=Path), help="SKIN.toml; default: a plain skin.")
-@click.option("--faults", type=click.Path(path_type=Path), help="FAULTS.toml; default: none.")
+@click.option("--skin", type=_FILE, help="SKIN.toml; default: a plain skin.")
+@click.option("--faults", type=_FILE, help="FAULTS.toml; default: none.")
 @click.option("--speed", default=1.0, show_default=True, help="Device seconds in a host second.")
 @click.option("--seed", default=0, show_default=True, help="Of all noise.")
 @click.option("--aperture-mm", default=6.0, show_default=True, help="Diameter of the opening.")
 @click.option("--phantom", help="A phantom of the kit in place of the skin: flat, step, soft, …")
-@click.option(
-    "--trace", type=click.Path(path_type=Path), help="Write the true pressure here, as a CSV."
-)
+@click.option("--trace", type=_FILE, help="Write the true pressure here, as a CSV.")
 def main(
     pty: bool,
     tcp: int | None,

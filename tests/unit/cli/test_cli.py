@@ -190,6 +190,19 @@ def test_the_good_inputs_are_done_and_the_bad_ones_named(capsys, tmp_path, curve
     assert "deflection_mm is nan" in err
 
 
+def test_what_may_not_be_read_is_bad_input_and_not_usage(capsys, tmp_path, curve_csv, monkeypatch):
+    locked = tmp_path / "locked.csv"
+    locked.write_text(CSV)
+    really = os.access
+    monkeypatch.setattr(os, "access", lambda path, mode: path != str(locked) and really(path, mode))
+    status, out, _ = call(capsys, "identify", locked, curve_csv, *SKIN, "--json")
+    assert status == 3  # of the owner; root reads it all the same, and has no samples
+    assert [c["error"] is None for c in json.loads(out)["curves"]] == [False, True]
+    for command in all_commands():
+        for parameter in command.params:
+            assert not getattr(parameter.type, "readable", False), (command.name, parameter.name)
+
+
 def test_a_truncated_session_is_bad_input(capsys, tmp_path):
     path = tmp_path / "cut.h5"
     path.write_bytes(b"\x89HDF\r\n\x1a\n" + bytes(200))
@@ -232,13 +245,16 @@ def test_database_commands(capsys):
     assert status == 0
 
 
-def test_every_command_has_help_with_an_example():
+def all_commands():
     context = cli.make_context("skinlab", ["--help"], resilient_parsing=True)
     for name in _COMMANDS:
         command = cli.get_command(context, name)
-        commands = getattr(command, "commands", None) or {name: command}
-        for each in commands.values():
-            assert "Example: skinlab" in (each.help or ""), each.name
+        yield from (getattr(command, "commands", None) or {name: command}).values()
+
+
+def test_every_command_has_help_with_an_example():
+    for command in all_commands():
+        assert "Example: skinlab" in (command.help or ""), command.name
 
 
 @pytest.mark.long
