@@ -190,6 +190,19 @@ def append_text(path: Path, text: str) -> None:
 
 
 @contextmanager
+def cannot_read(path: Path) -> Iterator[None]:
+    """Say in a sentence why a file cannot be read, or even looked for.
+
+    Raises:
+        InputError: in the place of an OSError.
+    """
+    try:
+        yield
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read ({error.strerror or error})") from None
+
+
+@contextmanager
 def cannot_write(path: Path) -> Iterator[None]:
     """Say in a sentence why a file cannot be written.
 

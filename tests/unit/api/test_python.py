@@ -273,6 +273,19 @@ def test_a_campaign_that_is_not_there_is_said_so(tmp_path):
             ask(tmp_path / "gone")
 
 
+def test_a_name_that_is_too_long_is_said_so(tmp_path):
+    long = tmp_path / ("x" * 300)
+    for ask in (
+        skinlab.read_campaign,
+        skinlab.explain,
+        lambda name: skinlab.study(name, out=tmp_path / "out"),
+        lambda name: skinlab.study(tmp_path, out=name),
+        lambda name: skinlab.measure("sim://", **OPENING, program="ramp:100@20", out=f"{name}.h5"),
+    ):
+        with pytest.raises(skinlab.InputError, match="too long"):
+            ask(long)
+
+
 def test_parameters_are_those_of_the_law(curve, capsys):
     with pytest.raises(skinlab.InputError, match="nu: missing for the law"):
         skinlab.forward(X1_MPa=0.03, X2_MPa=1, **OPENING, program="ramp:100@20")

@@ -203,6 +203,17 @@ def test_what_may_not_be_read_is_bad_input_and_not_usage(capsys, tmp_path, curve
             assert not getattr(parameter.type, "readable", False), (command.name, parameter.name)
 
 
+@pytest.mark.parametrize("ending", [".csv", ".h5", ".toml"])
+def test_a_name_that_is_too_long_is_bad_input_like_any_other(capsys, curve_csv, ending):
+    long = curve_csv.with_name("x" * 300 + ending)
+    status, out, err = call(capsys, "identify", long, curve_csv, *SKIN, "--json")
+    assert status == 3
+    first, second = json.loads(out)["curves"]
+    assert first["error"].startswith(f"{long}: ")
+    assert second["parameters"] is not None
+    assert f"{long}: " in err
+
+
 def test_a_truncated_session_is_bad_input(capsys, tmp_path):
     path = tmp_path / "cut.h5"
     path.write_bytes(b"\x89HDF\r\n\x1a\n" + bytes(200))
