@@ -64,7 +64,7 @@ def build(spec: str, out: Path | None, workers: int | None, dask: str | None, re
     out = out or Path(f"{Path(spec).stem}.h5")
     if not out.parent.is_dir():
         raise InputError(f"{out}: its folder does not exist")
-    if out.is_dir() or real_path(out) == real_path(Path(spec)):
+    if (out.exists() and not out.is_file()) or real_path(out) == real_path(Path(spec)):
         raise InputError(f"{out}: expected the name of a file to write")
     what = _spec(spec)
     entries = what.entries

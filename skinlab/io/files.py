@@ -12,6 +12,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TextIO
 
+from drivers.reading import require_file
 from skinlab.errors import InputError
 
 if sys.platform != "win32":
@@ -130,6 +131,7 @@ def _whole(path: Path, replace: bool) -> Iterator[Path]:
     path = real_path(path) if replace else path  # not the link: what it leads to
     if not replace and os.path.lexists(path):
         raise FileExistsError
+    require_file(path)  # a device would be gone for everybody
     make_folder(path.parent)
     import tempfile  # slow to import
 

@@ -256,6 +256,14 @@ def test_database_commands(capsys):
     assert status == 0
 
 
+@pytest.mark.skipif(sys.platform == "win32", reason="no pipes in folders")
+def test_a_database_takes_the_place_of_no_device_or_pipe(capsys, tmp_path):
+    os.mkfifo(tmp_path / "pipe")
+    status, out, err = call(capsys, "database", "build", "--out", tmp_path / "pipe")
+    assert (status, out) == (3, "")
+    assert "pipe: expected the name of a file to write" in err
+
+
 def all_commands():
     context = cli.make_context("skinlab", ["--help"], resilient_parsing=True)
     for name in _COMMANDS:
