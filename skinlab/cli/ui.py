@@ -63,7 +63,13 @@ ESCAPE_MS = "40"
 @click.option(
     "--serve-host", default="127.0.0.1", show_default=True, help="Where to listen, with --serve."
 )
-@click.option("--serve-port", default=8017, show_default=True, help="TCP port, with --serve.")
+@click.option(
+    "--serve-port",
+    default=8017,
+    show_default=True,
+    type=click.IntRange(1, 65535),
+    help="TCP port, with --serve.",
+)
 def command(
     port: str | None = None,
     dialect: str | None = None,

@@ -264,6 +264,13 @@ def test_a_database_takes_the_place_of_no_device_or_pipe(capsys, tmp_path):
     assert "pipe: expected the name of a file to write" in err
 
 
+@pytest.mark.parametrize("port", ["-1", "0", "65536"])
+def test_a_tcp_port_that_is_none_is_wrong_usage(capsys, port):
+    status, out, err = call(capsys, "ui", "--serve", "--serve-port", port)
+    assert (status, out) == (2, "")
+    assert "'--serve-port'" in err
+
+
 def all_commands():
     context = cli.make_context("skinlab", ["--help"], resilient_parsing=True)
     for name in _COMMANDS:
