@@ -10,6 +10,7 @@ import re
 import subprocess
 import sys
 from dataclasses import replace
+from inspect import signature
 from pathlib import Path
 
 import numpy as np
@@ -265,6 +266,24 @@ def test_identify_wants_a_curve(path):
         skinlab.identify(str(path))
     with pytest.raises(skinlab.InputError, match="one curve or more"):
         skinlab.identify_joint([])
+
+
+def test_arguments_have_the_contracts_names(curve):
+    names = {
+        "read_curve": "path aperture_mm thickness_mm program",
+        "read_session": "path",
+        "read_campaign": "path",
+        "identify": "curve method model prior seed",
+        "identify_joint": "curves",
+        "forward": "aperture_mm thickness_mm program model direct",
+        "explain": "campaign model workers",
+        "measure": "url",
+        "study": "folder",
+    }
+    for function, arguments in names.items():
+        assert set(arguments.split()) <= set(signature(getattr(skinlab, function)).parameters)
+    by_name, by_place = skinlab.identify_joint(curves=[curve]), skinlab.identify_joint([curve])
+    assert by_name.parameters == by_place.parameters
 
 
 def test_a_campaign_that_is_not_there_is_said_so(tmp_path):
