@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import signal
-import sys
 from collections.abc import Callable
 from pathlib import Path
 from types import FrameType
@@ -74,7 +73,6 @@ def main(
         _fail(f"cannot serve: {error.strerror or error}", EXIT_LINK)
     with host:
         click.echo(host.url)
-        sys.stdout.flush()
         serve(device, host, speed)
 
 
@@ -83,9 +81,9 @@ def _open_trace(path: Path) -> Callable[[float, float, str], None]:
         file = open(  # noqa: SIM115 -- to the end; each row is there as it happens
             path, "w", encoding="ascii", buffering=1, opener=private
         )
+        file.write("time_s,pressure_mbar,state\n")
     except OSError as error:
         _fail(f"{path}: cannot be written ({error.strerror or error})", EXIT_BAD_INPUT)
-    file.write("time_s,pressure_mbar,state\n")
 
     def write(time_s: float, pressure_mbar: float, state: str) -> None:
         file.write(f"{time_s:.3f},{pressure_mbar:.6f},{state}\n")
@@ -105,4 +103,8 @@ def _end(_signal: int, _frame: FrameType | None) -> NoReturn:
 if __name__ == "__main__":
     signal.signal(signal.SIGINT, _end)
     signal.signal(signal.SIGTERM, _end)
-    main(prog_name="python -m sim_device")
+    try:
+        main(prog_name="python -m sim_device")
+    except OSError as error:  # a full disk behind a redirection, or under --trace
+        os.dup2(os.open(os.devnull, os.O_WRONLY), 1)  # nothing may be flushed at exit
+        _fail(f"cannot write: {error.strerror or error}", EXIT_BAD_INPUT)
