@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import signal
-import sys
 from collections.abc import Callable
 from pathlib import Path
 from types import FrameType
@@ -17,6 +16,7 @@ from skinlab.text import inert
 
 EXIT_BAD_INPUT = 3
 EXIT_LINK = 4
+_FILE = click.Path(readable=False, path_type=Path)  # what cannot be read is bad input, not usage
 
 
 @click.command(epilog="Example: python -m sim_device --pty --skin SKIN.toml --speed 10")
@@ -24,15 +24,13 @@ EXIT_LINK = 4
 @click.option(
     "--tcp", type=click.IntRange(0, 65535), metavar="PORT", help="Serve on 127.0.0.1; 0: any port."
 )
-@click.option("--skin", type=click.Path(path_type=Path), help="SKIN.toml; default: a plain skin.")
-@click.option("--faults", type=click.Path(path_type=Path), help="FAULTS.toml; default: none.")
+@click.option("--skin", type=_FILE, help="SKIN.toml; default: a plain skin.")
+@click.option("--faults", type=_FILE, help="FAULTS.toml; default: none.")
 @click.option("--speed", default=1.0, show_default=True, help="Device seconds in a host second.")
 @click.option("--seed", default=0, show_default=True, help="Of all noise.")
 @click.option("--aperture-mm", default=6.0, show_default=True, help="Diameter of the opening.")
 @click.option("--phantom", help="A phantom of the kit in place of the skin: flat, step, soft, …")
-@click.option(
-    "--trace", type=click.Path(path_type=Path), help="Write the true pressure here, as a CSV."
-)
+@click.option("--trace", type=_FILE, help="Write the true pressure here, as a CSV.")
 def main(
     pty: bool,
     tcp: int | None,
@@ -75,7 +73,6 @@ def main(
         _fail(f"cannot serve: {error.strerror or error}", EXIT_LINK)
     with host:
         click.echo(host.url)
-        sys.stdout.flush()
         serve(device, host, speed)
 
 
@@ -84,9 +81,9 @@ def _open_trace(path: Path) -> Callable[[float, float, str], None]:
         file = open(  # noqa: SIM115 -- to the end; each row is there as it happens
             path, "w", encoding="ascii", buffering=1, opener=private
         )
+        file.write("time_s,pressure_mbar,state\n")
     except OSError as error:
         _fail(f"{path}: cannot be written ({error.strerror or error})", EXIT_BAD_INPUT)
-    file.write("time_s,pressure_mbar,state\n")
 
     def write(time_s: float, pressure_mbar: float, state: str) -> None:
         file.write(f"{time_s:.3f},{pressure_mbar:.6f},{state}\n")
@@ -106,4 +103,8 @@ def _end(_signal: int, _frame: FrameType | None) -> NoReturn:
 if __name__ == "__main__":
     signal.signal(signal.SIGINT, _end)
     signal.signal(signal.SIGTERM, _end)
-    main(prog_name="python -m sim_device")
+    try:
+        main(prog_name="python -m sim_device")
+    except OSError as error:  # a full disk behind a redirection, or under --trace
+        os.dup2(os.open(os.devnull, os.O_WRONLY), 1)  # nothing may be flushed at exit
+        _fail(f"cannot write: {error.strerror or error}", EXIT_BAD_INPUT)

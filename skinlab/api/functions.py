@@ -146,7 +146,7 @@ def identify(
 
 @checked
 def identify_joint(
-    given: Sequence[curves.Curve] | campaigns.Campaign,
+    curves: Sequence[curves.Curve] | campaigns.Campaign,
     *,
     method: str = "auto",
     model: PathLike | Model | None = None,
@@ -171,9 +171,9 @@ def identify_joint(
         InputError, NotTrustworthyError: as `identify`; or the curves are of sessions of two people
             or two sites.
     """
-    stated = given if isinstance(given, campaigns.Campaign) else None
-    several = tuple(given.curves if isinstance(given, campaigns.Campaign) else given)
-    if not several or not all(isinstance(one, curves.Curve) for one in several):  # of a generator
+    stated = curves if isinstance(curves, campaigns.Campaign) else None
+    several = tuple(curves.curves if isinstance(curves, campaigns.Campaign) else curves)
+    if not several or not all(map(_is_curve, several)):  # of a generator
         raise InputError("expected one curve or more, such as skinlab.read_curve returns")
     check_distinct(several)
     _tell_whose(several)
@@ -463,6 +463,10 @@ def study(
     for sentence in made.notices:
         _log.warning("%s", sentence)
     return Study(made, to)
+
+
+def _is_curve(value: object) -> bool:
+    return isinstance(value, curves.Curve)
 
 
 def _tell_whose(together: Sequence[curves.Curve]) -> None:

@@ -10,6 +10,7 @@ import click
 
 from skinlab.cli.options import dialect_option, json_option
 from skinlab.cli.output import echo, print_json
+from skinlab.cli.paths import PATH
 
 if TYPE_CHECKING:
     from drivers.events import Hello
@@ -32,16 +33,16 @@ _UNITS = {
 @click.option(
     "--phantoms",
     "sheet",
-    type=click.Path(path_type=Path),
+    type=PATH,
     help="PHANTOMS.toml: what your phantoms are  [default: the simulated probe's kit].",
 )
 @click.option("--aperture-mm", type=float, help="Where the instrument does not say its opening.")
 @click.option("--valid-days", default=365.0, show_default=True, help="How long it holds.")
-@click.option("--out", type=click.Path(path_type=Path), help="The probe file to write.")
+@click.option("--out", type=PATH, help="The probe file to write.")
 @click.option(
     "--check",
     "checked",
-    type=click.Path(path_type=Path),
+    type=PATH,
     help="PROBE.toml: measure its check phantom, and say whether the probe still agrees.",
 )
 @json_option()

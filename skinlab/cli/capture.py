@@ -10,6 +10,7 @@ import click
 
 from skinlab.cli.options import dialect_option
 from skinlab.cli.output import echo
+from skinlab.cli.paths import PATH
 
 if TYPE_CHECKING:
     from drivers.dialect import Dialect
@@ -27,7 +28,7 @@ if TYPE_CHECKING:
     help="Data bits, parity, stop bits.",
 )
 @click.option("--seconds", type=click.FloatRange(min=0), help="End by itself [default: Ctrl-C].")
-@click.option("--out", required=True, type=click.Path(path_type=Path), help="The file to write.")
+@click.option("--out", required=True, type=PATH, help="The file to write.")
 def command(
     port: str,
     dialect: str | None,

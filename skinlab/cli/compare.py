@@ -15,11 +15,12 @@ from skinlab.cli.options import (
     study_option,
 )
 from skinlab.cli.output import echo, echo_text, print_json
+from skinlab.cli.paths import PATH
 
 
 @click.command()
-@click.argument("before", type=click.Path(path_type=Path))
-@click.argument("after", type=click.Path(path_type=Path))
+@click.argument("before", type=PATH)
+@click.argument("after", type=PATH)
 @database_option("the one that BEFORE names")
 @study_option()
 @control_option()

@@ -9,6 +9,7 @@ import click
 
 from skinlab.cli.options import json_option
 from skinlab.cli.output import echo, echo_text, print_json
+from skinlab.cli.paths import PATH
 from skinlab.text import inert
 
 if TYPE_CHECKING:
@@ -19,7 +20,7 @@ SCHEMA = "skinlab.cutometer/1"
 
 
 @click.command()
-@click.argument("inputs", nargs=-1, required=True, type=click.Path(path_type=Path))
+@click.argument("inputs", nargs=-1, required=True, type=PATH)
 @click.option("--aperture-mm", type=float, help="Diameter of the probe's opening, to be noted.")
 @click.option("--thickness-mm", type=float, help="Thickness of the skin, to be noted.")
 @click.option("--program", help="Of CSVs, e.g. mode1:450,2,2,5: their pressure must agree.")

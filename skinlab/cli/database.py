@@ -13,6 +13,7 @@ import click
 from skinlab.cli.groups import SuggestingGroup
 from skinlab.cli.options import workers_option
 from skinlab.cli.output import echo, echo_text
+from skinlab.cli.paths import PATH
 
 if TYPE_CHECKING:
     from skinlab.tables.table import Spec
@@ -35,9 +36,7 @@ def command() -> None:
     show_default=True,
     help="A SPEC.toml or MODEL.toml, or the name of what ships: paper, dimensionless.",
 )
-@click.option(
-    "--out", type=click.Path(path_type=Path), help="The file to write [default: SPEC.h5]."
-)
+@click.option("--out", type=PATH, help="The file to write [default: SPEC.h5].")
 @workers_option()
 @click.option("--dask", metavar="ADDRESS", help="Compute on the cluster of this dask scheduler.")
 @click.option("--resume", is_flag=True, help="Go on with a build that was interrupted or killed.")
@@ -66,7 +65,7 @@ def build(spec: str, out: Path | None, workers: int | None, dask: str | None, re
     out = out or Path(f"{Path(spec).stem}.h5")
     if not out.parent.is_dir():
         raise InputError(f"{out}: its folder does not exist")
-    if out.is_dir() or real_path(out) == real_path(Path(spec)):
+    if (out.exists() and not out.is_file()) or real_path(out) == real_path(Path(spec)):
         raise InputError(f"{out}: expected the name of a file to write")
     what = _spec(spec)
     entries = what.entries
@@ -112,7 +111,7 @@ def _spec(said: str) -> Spec:
 
 
 @command.command()
-@click.argument("database", type=click.Path(path_type=Path), required=False)
+@click.argument("database", type=PATH, required=False)
 def info(database: Path | None) -> int:
     """Describe DATABASE (default: those that ship with the package).
 
@@ -128,7 +127,7 @@ def info(database: Path | None) -> int:
 
 
 @command.command()
-@click.argument("database", type=click.Path(path_type=Path), required=False)
+@click.argument("database", type=PATH, required=False)
 @click.option("--samples", default=5, show_default=True, help="Entries to compute again.")
 @click.option("--seed", default=0, show_default=True, help="Which entries.")
 def verify(database: Path | None, samples: int, seed: int) -> int:

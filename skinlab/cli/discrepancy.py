@@ -20,26 +20,25 @@ from skinlab.cli.options import (
     workers_option,
 )
 from skinlab.cli.output import echo, echo_text, print_json, tell_left_behind
+from skinlab.cli.paths import PATH
 
 if TYPE_CHECKING:
     from skinlab.discrepancy.workflow import Partial
 
 
 @click.command()
-@click.argument("campaign", type=click.Path(path_type=Path))
+@click.argument("campaign", type=PATH)
 @click.option(
     "--model",
     "model_path",
-    type=click.Path(path_type=Path),
+    type=PATH,
     help="MODEL.toml to start from [default: the law alone].",
 )
 @database_option()
 @probe_option(kept=True)
 @placement_scatter_option()
-@click.option(
-    "--adopt", type=click.Path(path_type=Path), help="Write the model with the effect to this file."
-)
-@click.option("--report", type=click.Path(path_type=Path), help="Folder for an HTML report.")
+@click.option("--adopt", type=PATH, help="Write the model with the effect to this file.")
+@click.option("--report", type=PATH, help="Folder for an HTML report.")
 @workers_option("; the answers stay the same")
 @click.option("--no-cache", is_flag=True, help="Compute again what was computed before.")
 @json_option()

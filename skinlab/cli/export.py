@@ -11,6 +11,7 @@ import click
 
 from skinlab.cli.options import control_option, database_option, study_option
 from skinlab.cli.output import echo, tell_left_behind
+from skinlab.cli.paths import PATH
 
 if TYPE_CHECKING:
     from skinlab.recording.session import Session
@@ -21,8 +22,8 @@ _NO_COMPARISON = Path("none")
 
 
 @click.command()
-@click.argument("session", type=click.Path(path_type=Path))
-@click.argument("folder", type=click.Path(path_type=Path), metavar="DIR")
+@click.argument("session", type=PATH)
+@click.argument("folder", type=PATH, metavar="DIR")
 @click.option(
     "--to",
     "kind",
@@ -34,7 +35,7 @@ _NO_COMPARISON = Path("none")
 @click.option(
     "--reference",
     "reference_path",
-    type=click.Path(path_type=Path),
+    type=PATH,
     help="REFERENCE.toml: percentiles in the report.",
 )
 @click.option("--age-years", type=float, help="Of the person, for --reference.")
@@ -42,7 +43,7 @@ _NO_COMPARISON = Path("none")
 @click.option(
     "--since",
     "since_path",
-    type=click.Path(path_type=Path),
+    type=PATH,
     help="Session that the report compares with, or none [default: the one before it in its "
     "folder, of the same subject and site].",
 )

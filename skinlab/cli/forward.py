@@ -11,6 +11,7 @@ import click
 from skinlab.cli.law_options import LawCommand, law_values
 from skinlab.cli.options import data_on_stdout, database_option, kappa_option, was_said
 from skinlab.cli.output import echo, echo_text
+from skinlab.cli.paths import PATH
 
 if TYPE_CHECKING:
     from skinlab.mechanics.materials.compressibility import KappaConvention
@@ -27,7 +28,7 @@ if TYPE_CHECKING:
 @click.option(
     "--model",
     "model_path",
-    type=click.Path(path_type=Path),
+    type=PATH,
     help="MODEL.toml: its effects act on the curve; physical ones imply --direct.",
 )
 @database_option()
@@ -35,7 +36,7 @@ if TYPE_CHECKING:
 @click.option(
     "--csv",
     "csv_path",
-    type=click.Path(path_type=Path),
+    type=PATH,
     help="Write to this new file; one that is there is kept, unless --force is given.",
 )
 @click.option("--force", is_flag=True, help="Let --csv replace a file.")

@@ -25,6 +25,7 @@ from skinlab.cli.options import (
     workers_option,
 )
 from skinlab.cli.output import echo, echo_text, print_json, tell_left_behind
+from skinlab.cli.paths import PATH
 from skinlab.cli.start import INTERRUPTED
 
 if TYPE_CHECKING:
@@ -39,7 +40,7 @@ if TYPE_CHECKING:
 
 
 @click.command(cls=MethodCommand)
-@click.argument("inputs", nargs=-1, required=True, type=click.Path(path_type=Path))
+@click.argument("inputs", nargs=-1, required=True, type=PATH)
 @geometry_options(required=False)
 @identification_options()
 @database_option()

@@ -12,6 +12,7 @@ import click
 from skinlab.cli.importing import form_options, stated
 from skinlab.cli.options import json_option
 from skinlab.cli.output import echo, echo_text, print_json
+from skinlab.cli.paths import PATH
 
 T = TypeVar("T")
 
@@ -26,7 +27,7 @@ def _show_answers(ctx: click.Context, _: click.Parameter, wanted: bool) -> None:
 
 
 @click.command()
-@click.argument("files", nargs=-1, required=True, type=click.Path(path_type=Path))
+@click.argument("files", nargs=-1, required=True, type=PATH)
 @click.option(
     "--aperture-mm",
     type=float,
@@ -58,7 +59,7 @@ def _show_answers(ctx: click.Context, _: click.Parameter, wanted: bool) -> None:
     callback=_show_answers,
     help="Show what was answered before, and where it is kept.",
 )
-@click.option("--out", required=True, type=click.Path(path_type=Path), help="The session to write.")
+@click.option("--out", required=True, type=PATH, help="The session to write.")
 @json_option()
 def command(
     files: tuple[Path, ...],

@@ -133,7 +133,9 @@ def _explain(error: Exception) -> int:
     if isinstance(error, DriverError):
         return _say(str(error), 4)
     if isinstance(error, OSError):
-        return _say(str(error), 3)
+        # Python's own words have a number first, and the file last
+        words = error.strerror or str(error)
+        return _say(words if error.filename is None else f"{error.filename}: {words}", 3)
     from skinlab.io.log import log_exception
     from skinlab.plugins import blamed
 

@@ -26,6 +26,7 @@ from skinlab.cli.options import (
     with_prior_option,
 )
 from skinlab.cli.output import echo, echo_text, print_json
+from skinlab.cli.paths import PATH
 from skinlab.cli.protocol import protocol_options, read_step
 
 if TYPE_CHECKING:
@@ -58,7 +59,7 @@ if TYPE_CHECKING:
     help="Largest dose (suction × time) for the site in this visit "
     f"[default: {DEFAULT_DOSE_MBAR_S:g}].",
 )
-@click.option("--out", required=True, type=click.Path(path_type=Path), help="The session to write.")
+@click.option("--out", required=True, type=PATH, help="The session to write.")
 @identification_options()
 @database_option()
 @probe_option()

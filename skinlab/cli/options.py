@@ -12,6 +12,7 @@ from click.core import ParameterSource
 from drivers.numbers import number_in
 from skinlab.cli.method_options import parsed
 from skinlab.cli.output import output_kept
+from skinlab.cli.paths import PATH
 
 if TYPE_CHECKING:
     from skinlab.curves.curve import Curve
@@ -37,7 +38,7 @@ def control_option() -> Callable[[F], F]:
     return click.option(
         "--control",
         nargs=2,
-        type=click.Path(path_type=Path),
+        type=PATH,
         metavar="BEFORE AFTER",
         help="For a comparison: sessions of a site that was left alone, on the same days.",
     )
@@ -47,7 +48,7 @@ def study_option() -> Callable[[F], F]:
     """`--study FOLDER`."""
     return click.option(
         "--study",
-        type=click.Path(path_type=Path),
+        type=PATH,
         help="For a comparison: what `skinlab study` wrote, on how much visits, operators and "
         "placements scatter.",
     )
@@ -112,7 +113,7 @@ def identification_options() -> Callable[[F], F]:
         click.option(
             "--model",
             "model_path",
-            type=click.Path(path_type=Path),
+            type=PATH,
             help="MODEL.toml: bounds, priors, and effects in the law.",
         ),
         click.option(
@@ -144,7 +145,7 @@ def database_option(default: str = "the shipped one") -> Callable[[F], F]:
     return click.option(
         "--database",
         "database_path",
-        type=click.Path(path_type=Path),
+        type=PATH,
         help=f"A file that `skinlab database build` wrote  [default: {default}].",
     )
 
@@ -176,7 +177,7 @@ def probe_option(kept: bool = False) -> Callable[[F], F]:
     return click.option(
         "--probe",
         "probe_path",
-        type=click.Path(path_type=Path),
+        type=PATH,
         help=f"PROBE.toml of `skinlab calibrate`: the errors of this probe{own}",
     )
 
@@ -203,7 +204,7 @@ def prior_options(site: bool) -> Callable[[F], F]:
         click.option(
             "--prior",
             "prior_path",
-            type=click.Path(path_type=Path),
+            type=PATH,
             help="STUDY.toml of `skinlab study`: what is known of such people.",
         ),
         click.option("--age-years", type=float, help="Age of the person."),
@@ -217,7 +218,7 @@ def reference_options() -> Callable[[F], F]:
         click.option(
             "--reference",
             "reference_path",
-            type=click.Path(path_type=Path),
+            type=PATH,
             help="REFERENCE.toml: say at which percentile a value stands.",
         ),
         click.option("--sex", type=click.Choice(["f", "m"]), help="For --reference."),

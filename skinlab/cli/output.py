@@ -83,6 +83,7 @@ def _write(text: str, err: bool) -> None:
         stream.flush()
     except OSError as error:
         if not err and error.errno != errno.EIO:
+            error.filename = "standard output"
             raise
         _forget(stream)  # the terminal was closed: nobody reads it, and nothing else may fail
 

@@ -10,12 +10,13 @@ import click
 
 from skinlab.cli.options import workers_option
 from skinlab.cli.output import echo
+from skinlab.cli.paths import PATH
 
 
 @click.command()
 @click.option(
     "--out",
-    type=click.Path(path_type=Path),
+    type=PATH,
     default=Path("skinlab-paper"),
     show_default=True,
     help="Folder for tables (CSV), pictures (PNG) and the page.",
@@ -23,7 +24,7 @@ from skinlab.cli.output import echo
 @click.option(
     "--page",
     "page_path",
-    type=click.Path(path_type=Path),
+    type=PATH,
     help="Where the page goes instead  [default: paper.md in that folder]",
 )
 @click.option("--seed", default=0, show_default=True, help="Of everything random.")

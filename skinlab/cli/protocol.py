@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
+from skinlab.cli.paths import PATH
+
 if TYPE_CHECKING:
     from skinlab.acquisition.protocol import NamedProtocol, ProtocolStep
 
@@ -33,7 +35,7 @@ def protocol_options() -> Callable[[F], F]:
             click.option(
                 "--protocol",
                 "protocol_path",
-                type=click.Path(path_type=Path),
+                type=PATH,
                 help="PROTOCOL.toml of a study: gives opening, program, repeats and rest.",
             ),
         ):

@@ -7,15 +7,16 @@ from pathlib import Path
 import click
 
 from skinlab.cli.output import echo
+from skinlab.cli.paths import PATH
 
 _MOST_SAID = 20  # sentences on what was skipped
 
 
 @click.command()
-@click.argument("journal", type=click.Path(path_type=Path))
+@click.argument("journal", type=PATH)
 @click.option(
     "--out",
-    type=click.Path(path_type=Path),
+    type=PATH,
     help="The session to write [default: JOURNAL without .journal].",
 )
 def command(journal: Path, out: Path | None) -> int:

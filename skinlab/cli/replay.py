@@ -12,6 +12,7 @@ import click
 
 from skinlab.cli.options import database_option, json_option
 from skinlab.cli.output import echo, echo_text, print_json, status_line
+from skinlab.cli.paths import PATH
 from skinlab.text import counted
 
 _KEYS = "space pauses and goes on, . steps, 1 x m: pace as it was, tenfold, without waiting; q ends"
@@ -19,7 +20,7 @@ _DRAW_S = 0.05
 
 
 @click.command()
-@click.argument("session", type=click.Path(path_type=Path))
+@click.argument("session", type=PATH)
 @click.option(
     "--speed",
     type=click.Choice(["1", "10", "max"]),

@@ -8,6 +8,7 @@ import click
 
 from skinlab.cli.groups import SuggestingGroup
 from skinlab.cli.output import echo, echo_text, tell_left_behind
+from skinlab.cli.paths import PATH
 
 
 @click.group(cls=SuggestingGroup)
@@ -21,7 +22,7 @@ def command() -> None:
 
 
 @command.command()
-@click.argument("session", type=click.Path(path_type=Path))
+@click.argument("session", type=PATH)
 def verify(session: Path) -> int:
     """Check SESSION: its bytes, its audit trail, and its curves against what was recorded.
 
@@ -57,7 +58,7 @@ def _tell(session: Path, found: list[str]) -> int:
 
 
 @command.command()
-@click.argument("session", type=click.Path(path_type=Path))
+@click.argument("session", type=PATH)
 def info(session: Path) -> int:
     """Say what is in SESSION.
 

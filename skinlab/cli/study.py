@@ -23,11 +23,12 @@ from skinlab.cli.options import (
     workers_option,
 )
 from skinlab.cli.output import echo, echo_text, print_json
+from skinlab.cli.paths import PATH
 
 
 @click.command(cls=MethodCommand)
-@click.argument("folders", nargs=-1, required=True, type=click.Path(path_type=Path))
-@click.option("--out", required=True, type=click.Path(path_type=Path), help="The study's folder.")
+@click.argument("folders", nargs=-1, required=True, type=PATH)
+@click.option("--out", required=True, type=PATH, help="The study's folder.")
 @click.option("--explain", is_flag=True, help="Look for missing effects over all campaigns.")
 @click.option(
     "--mdc-percent", type=float, help="Say how many repeats show a change of this many per cent."

@@ -15,6 +15,7 @@ import click
 from drivers.limits import DEFAULT_DOSE_MBAR_S
 from skinlab.cli.options import database_option, dialect_option, probe_option, study_option
 from skinlab.cli.output import echo
+from skinlab.cli.paths import PATH
 
 if TYPE_CHECKING:
     from skinlab.acquisition.protocol import NamedProtocol
@@ -30,16 +31,14 @@ ESCAPE_MS = "40"
 @click.command()
 @click.option("--port", help="pyserial URL [default: asks; the simulated probe headless].")
 @dialect_option()
-@click.option("--sessions", type=click.Path(path_type=Path), help="Folder for the sessions.")
-@click.option(
-    "--model", "model_path", type=click.Path(path_type=Path), help="MODEL.toml to identify with."
-)
+@click.option("--sessions", type=PATH, help="Folder for the sessions.")
+@click.option("--model", "model_path", type=PATH, help="MODEL.toml to identify with.")
 @database_option()
 @probe_option()
 @click.option(
     "--prior",
     "prior_path",
-    type=click.Path(path_type=Path),
+    type=PATH,
     help="STUDY.toml of `skinlab study`: what is known of such people, of all its sites and ages.",
 )
 @study_option()
@@ -51,20 +50,26 @@ ESCAPE_MS = "40"
 @click.option(
     "--reference",
     "reference_path",
-    type=click.Path(path_type=Path),
+    type=PATH,
     help="REFERENCE.toml with the reference ranges shown behind the values.",
 )
 @click.option(
     "--protocol",
     "protocol_path",
-    type=click.Path(path_type=Path),
+    type=PATH,
     help="PROTOCOL.toml of a study, through which the screen leads.",
 )
 @click.option("--serve", is_flag=True, help="In a browser: prints the address to open.")
 @click.option(
     "--serve-host", default="127.0.0.1", show_default=True, help="Where to listen, with --serve."
 )
-@click.option("--serve-port", default=8017, show_default=True, help="TCP port, with --serve.")
+@click.option(
+    "--serve-port",
+    default=8017,
+    show_default=True,
+    type=click.IntRange(1, 65535),
+    help="TCP port, with --serve.",
+)
 def command(
     port: str | None = None,
     dialect: str | None = None,

@@ -16,10 +16,11 @@ from skinlab.cli.options import (
     make_identifier,
 )
 from skinlab.cli.output import echo, echo_text, print_json
+from skinlab.cli.paths import PATH
 
 
 @click.command(cls=MethodCommand)
-@click.argument("folder", type=click.Path(path_type=Path))
+@click.argument("folder", type=PATH)
 @geometry_options(required=True)
 @click.option("--program", help="What the pump does, e.g. ramp:100@20.")
 @click.option("--cycle", default=1, show_default=True, help="1: first loading of the site.")
@@ -32,7 +33,7 @@ from skinlab.cli.output import echo, echo_text, print_json
 @click.option(
     "--settle-s", default=1.0, show_default=True, help="How long a file must be unchanged."
 )
-@click.option("--out", type=click.Path(path_type=Path), help="[default: session-DATE-TIME.h5]")
+@click.option("--out", type=PATH, help="[default: session-DATE-TIME.h5]")
 @identification_options()
 @json_option()
 def command(

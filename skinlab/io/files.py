@@ -12,6 +12,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TextIO
 
+from drivers.reading import require_file
 from skinlab.errors import InputError
 
 if sys.platform != "win32":
@@ -130,6 +131,7 @@ def _whole(path: Path, replace: bool) -> Iterator[Path]:
     path = real_path(path) if replace else path  # not the link: what it leads to
     if not replace and os.path.lexists(path):
         raise FileExistsError
+    require_file(path)  # a device would be gone for everybody
     make_folder(path.parent)
     import tempfile  # slow to import
 
@@ -187,6 +189,19 @@ def append_text(path: Path, text: str) -> None:
             with contextlib.suppress(OSError, AttributeError):
                 os.fchmod(file.fileno(), _PRIVATE)  # one of an older version
             file.write(text)
+
+
+@contextmanager
+def cannot_read(path: Path) -> Iterator[None]:
+    """Say in a sentence why a file cannot be read, or even looked for.
+
+    Raises:
+        InputError: in the place of an OSError.
+    """
+    try:
+        yield
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read ({error.strerror or error})") from None
 
 
 @contextmanager

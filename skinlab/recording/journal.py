@@ -76,7 +76,7 @@ class Journal:
     ) -> None:
         self.path = path
         self._now = now
-        if path.exists():
+        if os.path.exists(path):
             raise _exists(path)
         try:
             make_folder(path.parent)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from os.path import exists, isdir, isfile  # Path's own raise where one may not look
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -12,7 +13,7 @@ from skinlab.curves.csv import IMPORT, read_curve
 from skinlab.curves.curve import Curve, Setup
 from skinlab.curves.distinct import check_distinct
 from skinlab.errors import InputError
-from skinlab.io.files import file_hash, real_path
+from skinlab.io.files import cannot_read, file_hash, real_path
 from skinlab.plugins import warn
 
 if TYPE_CHECKING:
@@ -51,8 +52,6 @@ def read_input(path: Path, setup: Setup | None) -> Input:
         InputError: the file cannot be read, or is none of these.
     """
     path = _file_of(path)
-    if not path.is_file():
-        raise InputError(f"{path}: no such file")
     suffix = path.suffix.lower()
     if suffix == ".csv":
         if setup is None:
@@ -83,12 +82,16 @@ def _file_of(path: Path) -> Path:
     """Return the file that is meant: of a folder its campaign.
 
     Raises:
-        InputError: the folder has none; says who takes a folder of curves.
+        InputError: there is no such file, or it cannot be looked at; or the folder has no campaign:
+            says who takes a folder of curves.
     """
-    if not path.is_dir():
-        return path
-    file = path / "campaign.toml"
-    if not file.exists():
+    with cannot_read(path):
+        folder = path.is_dir()
+        file = path / "campaign.toml" if folder else path
+        there = file.exists()
+    if not there and not folder:
+        raise InputError(f"{path}: no such file")
+    if not there:
         raise InputError(
             f"{path}: a folder without a campaign.toml, which names its curves; `skinlab study` "
             "reads any folder of curves"
@@ -108,11 +111,11 @@ def check_session_name(path: Path) -> None:
 
 def import_advice(paths: Sequence[Path]) -> str:
     """Return what to do with the first of these that is no input, but could be; "" for none."""
-    bare = next((p for p in paths if p.is_dir() and not (p / "campaign.toml").exists()), None)
+    bare = next((p for p in paths if isdir(p) and not exists(p / "campaign.toml")), None)
     if bare is not None:
         return f"; {bare} is a folder without a campaign.toml: name its curves one by one"
     ours = {".csv", ".toml", *SESSIONS}
-    foreign = (p for p in paths if p.suffix.lower() not in ours and p.is_file())
+    foreign = (p for p in paths if p.suffix.lower() not in ours and isfile(p))
     first = next(foreign, None)
     return "" if first is None else f"; {first} is none of these: {IMPORT}"
 
@@ -127,8 +130,6 @@ def read_campaign_or_session(path: Path) -> tuple[Campaign, dict[str, str]]:
         InputError: the file cannot be read, is neither, has a curve twice, or none that counts.
     """
     path = _file_of(path)
-    if not path.exists():
-        raise InputError(f"{path}: no such file")
     suffix = path.suffix.lower()
     if suffix == ".toml":
         campaign = read_campaign(path)

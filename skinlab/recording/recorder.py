@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import os
 import time
 from collections.abc import Callable
 from datetime import UTC, datetime
@@ -90,7 +91,7 @@ class Recording:
     ) -> None:
         check_subject(subject)
         check_site(site)
-        if path.exists():
+        if os.path.exists(path):
             raise InputError(f"{path}: exists already; a session is never overwritten")
         self.path = path
         self.ran = False

@@ -27,7 +27,7 @@ from drivers.reading import read_whole
 from skinlab.errors import InputError
 from skinlab.exchange.importing.folder import SUFFIXES
 from skinlab.io.documents import read_toml
-from skinlab.io.files import file_hash, real_path
+from skinlab.io.files import cannot_read, file_hash, real_path
 from skinlab.mechanics.names import parameter_of
 from skinlab.recording.load_inputs import SESSIONS
 from skinlab.studies.facts import LABELS, NOISE, SETUP, Facts, checked
@@ -103,7 +103,9 @@ def find_sources(plan: Plan) -> Iterator[Source | Table]:
     checked(plan.stated, "stated for all files")
     names = _folder_names(plan.folders)
     for folder in plan.folders:
-        if not folder.exists():
+        with cannot_read(folder):
+            there = folder.exists()
+        if not there:
             raise InputError(f"{folder}: no such folder")
         if not (folder.is_dir() or folder.is_file()):
             raise InputError(f"{folder}: a pipe or a device; expected a folder")

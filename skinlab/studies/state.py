@@ -22,7 +22,7 @@ import msgspec
 from drivers.reading import require_file
 from skinlab.errors import InputError
 from skinlab.io.documents import read_json
-from skinlab.io.files import make_folder
+from skinlab.io.files import cannot_write, make_folder
 from skinlab.io.sqlite import check_only_tables
 from skinlab.studies.compute import Computed, Task
 from skinlab.studies.facts import LABELS, pseudonym
@@ -103,9 +103,12 @@ class State:
 
     def __init__(self, folder: Path) -> None:
         self.path = folder / STATE
-        if folder.exists() and not folder.is_dir():
+        with cannot_write(folder):
+            foreign = folder.is_dir() and not self.path.exists() and any(folder.iterdir())
+            another = folder.exists() and not folder.is_dir()
+        if another:
             raise InputError(f"{folder}: expected a folder for the study")
-        if folder.is_dir() and not self.path.exists() and any(folder.iterdir()):
+        if foreign:
             raise InputError(f"{folder}: not empty, and no study; expected a new folder")
         with ExitStack() as undo:
             try:

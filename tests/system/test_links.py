@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import signal
 import socket
@@ -421,3 +422,26 @@ def test_bad_input_of_the_process(options, status, match):
     assert result.stdout == ""
     if status == 3:
         assert len(result.stderr.splitlines()) == 1
+
+
+@pytest.mark.skipif(not os.path.exists("/dev/full"), reason="no /dev/full here")
+@pytest.mark.parametrize("options", [["--help"], ["--tcp", "0"]])
+def test_a_full_disk_is_one_sentence_of_the_process(options):
+    with open("/dev/full", "wb") as full:
+        done = subprocess.run(
+            [sys.executable, "-m", "sim_device", *options],
+            stdout=full,
+            stderr=subprocess.PIPE,
+            text=True,
+            check=False,
+        )
+    assert done.returncode == 3
+    assert done.stderr == f"sim_device: cannot write: {os.strerror(errno.ENOSPC)}\n"
+
+
+@pytest.mark.skipif(not os.path.exists("/dev/full"), reason="no /dev/full here")
+def test_a_trace_on_a_full_disk_is_named():
+    command = [sys.executable, "-m", "sim_device", "--tcp", "0", "--trace", "/dev/full"]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stdout) == (3, "")
+    assert done.stderr.startswith("sim_device: /dev/full: cannot be written (")

@@ -46,6 +46,16 @@ def test_a_writer_that_fails_leaves_what_was_there(tmp_path):
     assert [p.name for p in tmp_path.iterdir()] == ["a.txt"]
 
 
+@pytest.mark.skipif(sys.platform == "win32", reason="no pipes in folders")
+def test_a_device_or_pipe_is_never_replaced_by_a_file(tmp_path):
+    path = tmp_path / "pipe"
+    os.mkfifo(path)
+    with pytest.raises(InputError, match="cannot be written"), whole_file(path, replace=True):
+        pass
+    assert stat.S_ISFIFO(path.stat().st_mode)
+    assert [p.name for p in tmp_path.iterdir()] == ["pipe"]
+
+
 @pytest.mark.skipif(sys.platform == "win32", reason="locks of folders are not for Windows")
 def test_what_a_killed_writer_left_goes_and_what_is_being_written_stays(tmp_path):
     left = tmp_path / ".skinlab-killed.partial"

@@ -10,6 +10,7 @@ import re
 import subprocess
 import sys
 from dataclasses import replace
+from inspect import signature
 from pathlib import Path
 
 import numpy as np
@@ -282,10 +283,41 @@ def test_identify_wants_a_curve(path):
         skinlab.identify_joint([])
 
 
+def test_arguments_have_the_contracts_names(curve):
+    names = {
+        "read_curve": "path aperture_mm thickness_mm program",
+        "read_session": "path",
+        "read_campaign": "path",
+        "identify": "curve method model prior seed",
+        "identify_joint": "curves",
+        "forward": "aperture_mm thickness_mm program model direct",
+        "explain": "campaign model workers",
+        "measure": "url",
+        "study": "folder",
+    }
+    for function, arguments in names.items():
+        assert set(arguments.split()) <= set(signature(getattr(skinlab, function)).parameters)
+    by_name, by_place = skinlab.identify_joint(curves=[curve]), skinlab.identify_joint([curve])
+    assert by_name.parameters == by_place.parameters
+
+
 def test_a_campaign_that_is_not_there_is_said_so(tmp_path):
     for ask in (skinlab.read_campaign, skinlab.explain):
         with pytest.raises(skinlab.InputError, match="gone: no such file"):
             ask(tmp_path / "gone")
+
+
+def test_a_name_that_is_too_long_is_said_so(tmp_path):
+    long = tmp_path / ("x" * 300)
+    for ask in (
+        skinlab.read_campaign,
+        skinlab.explain,
+        lambda name: skinlab.study(name, out=tmp_path / "out"),
+        lambda name: skinlab.study(tmp_path, out=name),
+        lambda name: skinlab.measure("sim://", **OPENING, program="ramp:100@20", out=f"{name}.h5"),
+    ):
+        with pytest.raises(skinlab.InputError, match="too long"):
+            ask(long)
 
 
 def test_parameters_are_those_of_the_law(curve, capsys):

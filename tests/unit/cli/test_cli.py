@@ -191,6 +191,30 @@ def test_the_good_inputs_are_done_and_the_bad_ones_named(capsys, tmp_path, curve
     assert "deflection_mm is nan" in err
 
 
+def test_what_may_not_be_read_is_bad_input_and_not_usage(capsys, tmp_path, curve_csv, monkeypatch):
+    locked = tmp_path / "locked.csv"
+    locked.write_text(CSV)
+    really = os.access
+    monkeypatch.setattr(os, "access", lambda path, mode: path != str(locked) and really(path, mode))
+    status, out, _ = call(capsys, "identify", locked, curve_csv, *SKIN, "--json")
+    assert status == 3  # of the owner; root reads it all the same, and has no samples
+    assert [c["error"] is None for c in json.loads(out)["curves"]] == [False, True]
+    for command in all_commands():
+        for parameter in command.params:
+            assert not getattr(parameter.type, "readable", False), (command.name, parameter.name)
+
+
+@pytest.mark.parametrize("ending", [".csv", ".h5", ".toml"])
+def test_a_name_that_is_too_long_is_bad_input_like_any_other(capsys, curve_csv, ending):
+    long = curve_csv.with_name("x" * 300 + ending)
+    status, out, err = call(capsys, "identify", long, curve_csv, *SKIN, "--json")
+    assert status == 3
+    first, second = json.loads(out)["curves"]
+    assert first["error"].startswith(f"{long}: ")
+    assert second["parameters"] is not None
+    assert f"{long}: " in err
+
+
 def test_a_truncated_session_is_bad_input(capsys, tmp_path):
     path = tmp_path / "cut.h5"
     path.write_bytes(b"\x89HDF\r\n\x1a\n" + bytes(200))
@@ -233,13 +257,31 @@ def test_database_commands(capsys):
     assert status == 0
 
 
-def test_every_command_has_help_with_an_example():
+@pytest.mark.skipif(sys.platform == "win32", reason="no pipes in folders")
+def test_a_database_takes_the_place_of_no_device_or_pipe(capsys, tmp_path):
+    os.mkfifo(tmp_path / "pipe")
+    status, out, err = call(capsys, "database", "build", "--out", tmp_path / "pipe")
+    assert (status, out) == (3, "")
+    assert "pipe: expected the name of a file to write" in err
+
+
+@pytest.mark.parametrize("port", ["-1", "0", "65536"])
+def test_a_tcp_port_that_is_none_is_wrong_usage(capsys, port):
+    status, out, err = call(capsys, "ui", "--serve", "--serve-port", port)
+    assert (status, out) == (2, "")
+    assert "'--serve-port'" in err
+
+
+def all_commands():
     context = cli.make_context("skinlab", ["--help"], resilient_parsing=True)
     for name in _COMMANDS:
         command = cli.get_command(context, name)
-        commands = getattr(command, "commands", None) or {name: command}
-        for each in commands.values():
-            assert "Example: skinlab" in (each.help or ""), each.name
+        yield from (getattr(command, "commands", None) or {name: command}).values()
+
+
+def test_every_command_has_help_with_an_example():
+    for command in all_commands():
+        assert "Example: skinlab" in (command.help or ""), command.name
 
 
 @pytest.mark.long

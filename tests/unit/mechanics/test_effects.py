@@ -481,3 +481,36 @@ def test_friction_is_that_of_steps_as_small_as_one_likes():
         steps.append(at / (1.0 - SHARE))
     felt = felt_with_friction(t.tolist(), p.tolist())
     assert felt(fine) == pytest.approx(np.array(steps), abs=0.06)  # a step: 0.05 mbar at most
+
+
+CONTRACT = {
+    "viscoelasticity": "g tau_s",
+    "natural_tension": "stretch",
+    "hypodermis": "thickness_mm X1_kPa",
+    "contact_preload": "p0_mbar",
+    "tape_slip": "slip_mm",
+    "thickness_error": "ratio",
+    "surface_layer": "thickness_um X1_MPa",
+    "strain_stiffening": "X3_MPa",
+    "preconditioning": "softening",
+    "pressure_lag": "lag_s",
+    "deflection_offset": "offset_um",
+    "deflection_gain": "gain",
+    "baseline_drift": "drift_um_per_s",
+    "pressure_gain": "gain",
+    "aperture_error": "ratio",
+    "regulator_lag": "tau_s",
+    "sensor_curve": "curvature_um",
+    "friction_loop": "share",
+    "power_law_creep": "amplitude exponent",
+    "poroelastic_creep": "amplitude tau_s",
+    "periodic_motion": "amplitude_um frequency_hz",
+}
+
+
+@pytest.mark.parametrize("name", CONTRACT)
+def test_the_contracts_parameters_are_enough(name):
+    """A skin or model that states these, and nothing else, is accepted."""
+    effect = get_effect(name)
+    values = {one: effect.typical[one] for one in CONTRACT[name].split()}
+    assert effect.full(values).items() >= values.items()
