@@ -9,6 +9,7 @@ from typing import Literal
 
 from skinlab.discrepancy.candidates import Candidate, Found, outdone
 from skinlab.discrepancy.discipline import Trial
+from skinlab.discrepancy.heldout import HeldOut
 from skinlab.discrepancy.settings import ERRORS, NAMES
 from skinlab.mechanics.effects import get_effect
 
@@ -123,6 +124,19 @@ def outdone_by_names(
         return False
     (again,) = (c for c in named if c.effects == stood.effects)
     return one.log10_evidence - again.log10_evidence < NAMES.tie
+
+
+def may_be_chance(found: Found, learned: Found, left: HeldOut) -> bool:
+    """Return whether what the model leaves may be chance though its p value is small.
+
+    Nothing that has a name and no function is likelier than the model as it is, and it predicts
+    what was left out about as well as is expected: no gap is there that anything could close. One
+    campaign in fifty in which nothing was hidden came to that.
+    """
+    leads = any(c.log10_evidence >= found.tie for c in (*found.candidates, *learned.candidates))
+    more_um = math.sqrt(max(left.rms_um**2 - left.expected_um**2, 0.0))
+    hardly = found.base.left.by_errors < ERRORS.hardly
+    return not (leads or hardly or found.implausible) and more_um < NAMES.practical_um
 
 
 def disciplined(verdict: Verdict, found: Found, trials: Sequence[Trial]) -> Verdict:

@@ -33,6 +33,7 @@ from skinlab.discrepancy.verdict import (
     decide,
     decide_learned,
     disciplined,
+    may_be_chance,
     outdone_by_names,
 )
 from skinlab.errors import InputError
@@ -110,6 +111,7 @@ def explain(
     beaten = doubtful and tried.failed == {"families"}
     # Where errors would do, a kind is asked for only by evidence that no chance gives.
     least = NAMES.unasked if tried.verdict.name == "none" and not beaten else 0.0
+    more = found
     if tried.verdict.name in ("none", "unknown"):
         progress("finding out what kind of thing is missing")
         before = search.errors
@@ -149,6 +151,9 @@ def explain(
         tried = replace(tried, verdict=Verdict("none", []), found=noise)
     if tried.verdict.name == "unknown" and tried.open is not None:
         tried = replace(tried, verdict=tried.open)
+    alone = tried.verdict.name == "unknown" and not tried.trials
+    if alone and may_be_chance(found, more, tried.before):
+        tried = replace(tried, verdict=Verdict("none", []))
     verdict, found = tried.verdict, tried.found
     progress("working out the intervals")
     chosen = verdict.explanations[0] if verdict.explanations else found.base

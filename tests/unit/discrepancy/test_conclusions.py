@@ -16,7 +16,7 @@ from skinlab.discrepancy.campaign_errors import CampaignErrors, Linearised
 from skinlab.discrepancy.candidates import Candidate, Found, may_still_win, with_members
 from skinlab.discrepancy.discipline import Trial
 from skinlab.discrepancy.fit import Fit
-from skinlab.discrepancy.heldout import conditions_of, predict_held_out
+from skinlab.discrepancy.heldout import HeldOut, conditions_of, predict_held_out
 from skinlab.discrepancy.misfit import errors_of, mesh_columns
 from skinlab.discrepancy.next_measurement import (
     Plan,
@@ -48,6 +48,7 @@ from skinlab.discrepancy.verdict import (
     decide,
     decide_learned,
     disciplined,
+    may_be_chance,
     outdone_by_names,
 )
 from skinlab.mechanics.effects.model import felt_path, solve_skin
@@ -299,6 +300,27 @@ def test_the_best_with_another_effect_may_win_where_it_gains_much(gain, asked):
 
     assert may_still_win([pair, alone]) == [alone]
     assert may_still_win([pair, alone], gains) == ([alone, pair] if asked else [alone])
+
+
+@pytest.mark.parametrize(
+    ("p_value", "gap_um", "named", "learned", "chance"),
+    [
+        (1e-4, 3.0, 0.5, 0.5, True),
+        (1e-7, 3.0, 0.5, 0.5, False),  # no chance does that
+        (1e-4, 3.4, 0.5, 0.5, False),  # what was left out is 1.6 µm further off than expected
+        (1e-4, 3.0, 1.5, 0.5, False),  # an effect is likelier, though it leaves more than noise
+        (1e-4, 3.0, 0.5, 1.5, False),  # or a function, which is not told from another kind
+    ],
+)
+def test_what_nothing_explains_and_predicts_as_expected_may_be_chance(
+    p_value, gap_um, named, learned, chance
+):
+    base = candidate((), 0.0, p_value)
+    found = Found(base, {}, [candidate(LAG, named, p_value)], [])
+    kinds = Found(base, {}, [candidate(("learned_creep",), learned, p_value)], [])
+    left = HeldOut(gap_um, 2.9, 3.0, ("a.csv",), gap_um)
+    assert may_be_chance(found, kinds, left) is chance
+    assert not may_be_chance(replace(found, implausible="too large"), kinds, left)
 
 
 @pytest.mark.parametrize(
