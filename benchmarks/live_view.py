@@ -54,7 +54,6 @@ from skinlab.recording.session import read_session, sample_rows
 FOLDER = Path(__file__).resolve().parent
 BYTECODE = Path(tempfile.gettempdir()) / "skinlab-live-view-bytecode"
 PATIENCE_S = 60.0
-PROGRAM = "ramp:100@20"
 LONG = "ramp:100@2"  # for keys that are pressed while a curve runs
 _VENTED = b"VENTING|vent ordered|vented|cut short|READY"
 _COMPLETE = b"saved:|cut short|Repeat: |Good curve"

@@ -29,7 +29,6 @@ from skinlab.mechanics.materials import extended_neo_hookean as eq_1
 from skinlab.mechanics.materials.base import KAPPA
 
 Array = NDArray[np.float64]
-Index = NDArray[np.intp]
 
 
 @dataclass(frozen=True)

@@ -199,7 +199,7 @@ def read_by(curves: Iterable[Curve], probe_path: Path | None) -> tuple[Curve, ..
 
 
 def prior_options(site: bool) -> Callable[[F], F]:
-    """`--prior`, `--age-years`, and `--site` where the command has none; `prior_of` takes them."""
+    """`--prior`, `--age-years`, `--site` where the command has none, for `with_prior_option`."""
     return _stack(
         click.option(
             "--prior",

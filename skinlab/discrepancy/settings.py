@@ -70,7 +70,8 @@ class ErrorRules:
         default_factory=lambda: {"ou": 3.0, "breathing": 2.5, "pulse": 1.5}
     )
     """The same that are usual, the medians before the data: what a model needs no more of, and no
-    repeats tell of, is no gap. Larger ones move `life_none_alarms` down, and hide weak effects."""
+    repeats tell of, is no gap. Larger ones raise fewer alarms where nothing is hidden, and hide
+    weak effects."""
     fewest: int = 20
     """Samples of a curve that can be looked at."""
     course_apart: tuple[float, float] = (2.0, 3.0)

@@ -44,7 +44,7 @@ class KeptRows:
             "width": width,
         }
         self._head = json.dumps(head).encode() + b"\n"
-        self._path, self._width = path, width
+        self._path = path
         self._size = 8 + 8 * width + _DIGEST
         try:
             there = path.exists() and path.stat().st_size >= len(self._head) + self._size

@@ -295,7 +295,7 @@ def advice_lines(
 
 
 def row_texts(entry: Entry, names: Sequence[str] | None = None) -> tuple[str, ...]:
-    """Return the cells of the list, in the order of `ROW`, with the parameters in their place.
+    """Return the cells of the list: those of `ROW_BEFORE`, the parameters, those of `ROW_AFTER`.
 
     `names` are the parameters that have a column; None: those of the curve's own law.
     """

@@ -19,7 +19,6 @@ from skinlab.inference.error_models.checked import checked_part
 
 LOOK = next(_looks())
 COUNT = len(LOOK.samples)
-COLUMN = np.ones((COUNT, 1))
 SIZE = Hyperparameter("hum_um", 3.0, 0.7)
 
 

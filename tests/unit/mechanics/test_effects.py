@@ -29,7 +29,6 @@ from skinlab.mechanics.materials import get_law, law_names
 
 SKIN = Skin((0.04, 1.5, 0.32))
 GEOMETRY = Geometry(6.0, 1.0)
-UP = PressurePath((0.0, 1.0), (0.0, 60.0))
 P = np.array([2.0, 10.0, 30.0, 60.0])
 COARSE = Discretisation("coarse", QUAD8_FULL, 0.05, 2.0, 0.3, 0.5, 0.5, True, (5, 4, 3))
 TIGHT = StepSettings(extrapolation_error=1e-6, correction=1e-11)
