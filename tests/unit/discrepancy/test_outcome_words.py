@@ -91,6 +91,17 @@ def test_why_what_would_explain_has_no_name_is_said_with_the_verdict():
     assert unknown(bad, implausible=pulse) == nothing
 
 
+def test_what_may_be_chance_is_said_with_how_often_chance_does_it():
+    found = Found(candidate([], 0.0, 1e-4), {}, [candidate([ZERO], 0.5, 1e-4)])
+    none = SimpleNamespace(verdict=Verdict("none", []), found=found, trials=(), unlike_model=())
+    said = verdict_words(none)
+    assert said.startswith("Nothing is missing, as far as these data tell: ")
+    assert "chance does so once in 10,000" in said
+    # What stood all trials but for its size is no chance: it is too small to matter.
+    none.trials = (Trial("size", False, "it changes the fitted curves by 0.3 µm"),)
+    assert "though these data show more than noise" in verdict_words(none)
+
+
 @pytest.mark.parametrize(
     ("p_value", "place_p", "said"),
     [
