@@ -155,7 +155,8 @@ def _check_search(p: Parameter) -> None:
         if not isinstance(one, Search if what == "search" else Nodes):
             raise TypeError(f"its parameter {p.name}: {what} is a {type(one).__name__}")
         where = f"its parameter {p.name}: {what}"
-        for end in (one.low, one.high):
+        ends: tuple[object, ...] = (one.low, one.high)
+        for end in ends:
             if not isinstance(end, Real):
                 raise TypeError(f"{where} ends at {end!r}; expected a number")
         if not -math.inf < one.low < one.high < math.inf:
@@ -164,8 +165,9 @@ def _check_search(p: Parameter) -> None:
             even, known = one.transform, get_args(Transform)
         else:
             even, known = one.spacing, get_args(Spacing)
-            if not isinstance(one.count, Integral) or one.count < 2:
-                raise ValueError(f"{where} has {one.count!r} nodes; expected an int above 1")
+            count: object = one.count
+            if not isinstance(count, Integral) or one.count < 2:
+                raise ValueError(f"{where} has {count!r} nodes; expected an int above 1")
         if even not in known:
             raise ValueError(f"{where} is even in {even!r}; expected {', '.join(known)}")
         if even != "linear" and one.low <= 0.0:
