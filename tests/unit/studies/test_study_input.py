@@ -224,7 +224,9 @@ def test_a_file_outside_of_a_tables_folder_is_told(tmp_path):
 
 
 def test_a_cycle_is_a_whole_number():
-    with pytest.raises(InputError, match="t.csv: line 2: cycle is '1.0', expected a whole number"):
+    with pytest.raises(
+        InputError, match=r"t\.csv: line 2: cycle is '1\.0', expected a whole number"
+    ):
         checked({"cycle": "1.0"}, "t.csv: line 2")
 
 
