@@ -361,6 +361,11 @@ def _check_groups(
     for name in sorted(wanted - groups):
         raise _BadFieldError(f"dialect.pattern has no group (?P<{name}>...)")
     for name in sorted(groups - wanted - ({"payload"} if checksum else set())):
+        if name in _UNITS:
+            raise _BadFieldError(
+                f"columns.{name} is missing: dialect.pattern has a group {name!r}; expected a "
+                f"table [columns.{name}]"
+            )
         raise _BadFieldError(
             f"dialect.pattern has a group {name!r}, which is not a column"
             + (" and needs [checksum]" if name in {"checksum", "payload"} else "")

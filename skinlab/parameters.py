@@ -6,8 +6,8 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from numbers import Real
-from typing import Literal, Protocol
+from numbers import Integral, Real
+from typing import Literal, Protocol, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +17,7 @@ from skinlab.errors import InputError
 Array = NDArray[np.float64]
 
 Transform = Literal["linear", "log", "ratio"]
+Spacing = Literal["linear", "log"]
 
 
 @dataclass(frozen=True)
@@ -57,7 +58,7 @@ class Nodes:
     low: float
     high: float
     count: int
-    spacing: Literal["linear", "log"] = "linear"
+    spacing: Spacing = "linear"
 
 
 @dataclass(frozen=True)
@@ -80,7 +81,7 @@ class Parameter:
     zero: float | None
     typical: float
     source: str
-    spacing: Literal["linear", "log"] = "linear"
+    spacing: Spacing = "linear"
     default: float | None = None
     symbol: str = ""
     search: Search | None = None
@@ -125,7 +126,7 @@ def check_declared(parameters: object) -> None:
         for field in ("unit", "meaning", "source", "symbol"):
             if not isinstance(getattr(p, field), str):
                 raise TypeError(f"its parameter {p.name}: {field} is no text")
-        if p.spacing not in ("linear", "log"):
+        if p.spacing not in get_args(Spacing):
             raise ValueError(f"its parameter {p.name}: spacing {p.spacing!r}; expected linear, log")
         ends = [("low", p.low), ("high", p.high), ("typical", p.typical)]
         ends += [(f, v) for f, v in (("zero", p.zero), ("default", p.default)) if v is not None]
@@ -153,11 +154,24 @@ def _check_search(p: Parameter) -> None:
             continue
         if not isinstance(one, Search if what == "search" else Nodes):
             raise TypeError(f"its parameter {p.name}: {what} is a {type(one).__name__}")
+        where = f"its parameter {p.name}: {what}"
+        ends: tuple[object, ...] = (one.low, one.high)
+        for end in ends:
+            if not isinstance(end, Real):
+                raise TypeError(f"{where} ends at {end!r}; expected a number")
         if not -math.inf < one.low < one.high < math.inf:
-            raise ValueError(
-                f"its parameter {p.name}: {what} is {one.low:g} to {one.high:g}; expected low "
-                "below high"
-            )
+            raise ValueError(f"{where} is {one.low:g} to {one.high:g}; expected low below high")
+        if isinstance(one, Search):
+            even, known = one.transform, get_args(Transform)
+        else:
+            even, known = one.spacing, get_args(Spacing)
+            count: object = one.count
+            if not isinstance(count, Integral) or one.count < 2:
+                raise ValueError(f"{where} has {count!r} nodes; expected an int above 1")
+        if even not in known:
+            raise ValueError(f"{where} is even in {even!r}; expected {', '.join(known)}")
+        if even != "linear" and one.low <= 0.0:
+            raise ValueError(f"{where} begins at {one.low:g}; {even} needs more than 0")
 
 
 def stem(name: str, unit: str) -> str:

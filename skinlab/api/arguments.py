@@ -37,7 +37,8 @@ _AS_NUMPY_COMES: dict[str, Any] = {
 def checked(function: Callable[P, R]) -> Callable[P, R]:
     """Refuse values of another type than the function's hints say, before it is called.
 
-    Options by any name (`**options`) are the function's own to check.
+    Numbers of numpy become Python's: json and h5py write no others, so results and sessions need
+    them. Options by any name (`**options`) are the function's own to check.
 
     Raises:
         InputError: names the argument, and what was expected.
@@ -47,6 +48,8 @@ def checked(function: Callable[P, R]) -> Callable[P, R]:
     @functools.wraps(function)
     def call(*args: P.args, **kwargs: P.kwargs) -> R:
         hints = _hints(function)
+        args = tuple(map(plain, args))  # type: ignore[assignment]
+        kwargs = {name: plain(value) for name, value in kwargs.items()}  # type: ignore[assignment]
         for name, value in signature.bind(*args, **kwargs).arguments.items():
             if signature.parameters[name].kind is inspect.Parameter.VAR_KEYWORD:
                 continue
@@ -56,6 +59,11 @@ def checked(function: Callable[P, R]) -> Callable[P, R]:
             return function(*args, **kwargs)
 
     return call
+
+
+def plain(value: Any) -> Any:
+    """Return a number of numpy as Python's; all else as it is."""
+    return value.item() if isinstance(value, np.generic) else value
 
 
 @functools.cache

@@ -73,8 +73,8 @@ def outcome_of(
         InputError: the curves or the model cannot be explained.
         NotTrustworthyError: the model does not hold for them.
     """
-    if workers is not None and workers < 1:
-        raise InputError(f"workers {workers}: expected 1 or more")
+    if workers is not None and not 1 <= workers <= 1024:
+        raise InputError(f"workers {workers}: expected 1–1024")
     check_distinct(campaign.curves)
     placements = placements_of(campaign.curves)
     noise = campaign.noise_um, campaign.pressure_noise_mbar

@@ -511,6 +511,8 @@ def _number(name: str, value: Any) -> float:
         number = number_in(value) if isinstance(value, str) else float(value)
     except (TypeError, ValueError):
         number = math.nan
+    if isinstance(value, bool | bytes | bytearray):  # float takes these
+        number = math.nan
     if not math.isfinite(number):
         raise InputError(f"{name} {value!r}: expected a number")
     return number

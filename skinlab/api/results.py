@@ -12,6 +12,7 @@ from numbers import Real
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from skinlab.api.arguments import plain
 from skinlab.curves import campaign as campaigns
 from skinlab.curves import curve as curves
 from skinlab.errors import InputError
@@ -244,15 +245,19 @@ class Campaign(Shown, campaigns.Campaign):
         given: Any = self.curves
         if not isinstance(given, list | tuple) or not given:
             raise InputError("curves: expected one curve or more, such as read_curve returns")
-        wrong = next((one for one in given if not isinstance(one, curves.Curve)), None)
-        if wrong is not None:
-            raise InputError(f"curves: {wrong!r} is no curve, such as read_curve returns")
+        for one in given:
+            if not isinstance(one, curves.Curve):
+                raise InputError(f"curves: {one!r} is no curve, such as read_curve returns")
+        title: Any = self.title
+        if not isinstance(title, str):
+            raise InputError(f"title {title!r}: expected a text")
         object.__setattr__(self, "curves", tuple(given))
         scatter: Any = self.placement_scatter
         if scatter == "auto":  # as a campaign.toml may say
             object.__setattr__(self, "placement_scatter", None)
         for name, expected, holds in _STATED:
-            value: Any = getattr(self, name)
+            value: Any = plain(getattr(self, name))
+            object.__setattr__(self, name, value)
             number = isinstance(value, Real) and not isinstance(value, bool)
             if value is not None and not (number and holds(value)):
                 raise InputError(f"{name} {value!r}: expected {expected}, or None")

@@ -53,9 +53,10 @@ def law_values(law_name: str, given: Mapping[str, Any]) -> tuple[float, ...]:
     from skinlab.mechanics.materials import get_law, law_names
 
     law = get_law(law_name)
+    fields = set(map(_field, law.names))  # C2 of one law and c2 of another have one option
     for other in law_names():
         for one in get_law(other).parameters:
-            if given.get(_field(one.name)) is not None and one.name not in law.names:
+            if given.get(_field(one.name)) is not None and _field(one.name) not in fields:
                 own = ", ".join(map(option_name, law.names))
                 raise click.UsageError(
                     f"{option_name(one.name)} is not a parameter of the law {law.name}, "

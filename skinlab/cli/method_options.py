@@ -37,6 +37,7 @@ def _click_options(others: list[click.Parameter]) -> list[click.Option]:
     from skinlab.plugins import warn
 
     taken = {flag for p in others for flag in (*p.opts, *p.secondary_opts, f"--{p.name}")}
+    taken.add("--help")
     options = []
     for name, readers in _readers().items():
         first = readers[0][1]

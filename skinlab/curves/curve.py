@@ -63,6 +63,9 @@ class Setup:
         """Refuse what cannot be."""
         for name, expected, words in _OF_A_SETUP:
             value: Any = getattr(self, name)
+            if isinstance(value, np.generic):  # json writes Python's numbers only
+                value = value.item()
+                object.__setattr__(self, name, value)
             if not isinstance(value, expected) or isinstance(value, bool):
                 raise InputError(f"{name} {value!r}: expected {words}")
         check_aperture(self.aperture_mm)

@@ -141,19 +141,8 @@ def explain(
                 held={one.effects: tried.before},
                 trials=trials,
             )
-    if tried.verdict.name == "unknown" and found.implausible and has_motion(search, found):
-        excused = replace(found, implausible="")
-        # In few curves a motion out of step may seem to be one in step.
-        others = [c for c in excused.candidates if IN_STEP not in c.effects]
-        if decide(replace(excused, candidates=others)).name == "none":
-            tried = replace(tried, verdict=Verdict("none", []), found=excused)
-    if tried.verdict.name == "unknown" and (noise := search.by_its_own_errors(found)):
-        tried = replace(tried, verdict=Verdict("none", []), found=noise)
-    if tried.verdict.name == "unknown" and tried.open is not None:
-        tried = replace(tried, verdict=tried.open)
-    alone = tried.verdict.name == "unknown" and not tried.trials
-    if alone and may_be_chance(found, more, tried.before):
-        tried = replace(tried, verdict=Verdict("none", []))
+    if tried.verdict.name == "unknown":
+        tried = _told_otherwise(search, tried, found, more)
     verdict, found = tried.verdict, tried.found
     progress("working out the intervals")
     chosen = verdict.explanations[0] if verdict.explanations else found.base
@@ -238,6 +227,26 @@ class _Tried:
     def again(self, fit: Fit) -> Fit:
         """Return a fit with the errors as the best explanation sees them."""
         return fit.with_errors(self.searched.errors, self.final.errors)
+
+
+def _told_otherwise(search: Search, tried: _Tried, found: Found, learned: Found) -> _Tried:
+    """Return what is told in place of `unknown`, where it is no gap that is left, or a tie.
+
+    `found` is of the library, `learned` of functions.
+    """
+    if found.implausible and has_motion(search, found):
+        excused = replace(found, implausible="")
+        # In few curves a motion out of step may seem to be one in step.
+        others = [c for c in excused.candidates if IN_STEP not in c.effects]
+        if decide(replace(excused, candidates=others)).name == "none":
+            return replace(tried, verdict=Verdict("none", []), found=excused)
+    if noise := search.by_its_own_errors(found):
+        return replace(tried, verdict=Verdict("none", []), found=noise)
+    if tried.open is not None:
+        return replace(tried, verdict=tried.open)
+    if not tried.trials and may_be_chance(found, learned, tried.before):
+        return replace(tried, verdict=Verdict("none", []))
+    return tried
 
 
 def _each_needed(search: Search, found: Found, verdict: Verdict) -> Verdict:

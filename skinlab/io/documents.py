@@ -85,7 +85,32 @@ def decode(said: Any, kind: type[Kind]) -> Kind:
     try:
         return msgspec.convert(said, kind)
     except msgspec.ValidationError as error:
-        raise ValueError(_counted(_plain(_with_expected(str(error), kind)))) from None
+        told = _counted(_plain(_with_expected(str(error), kind)))
+        raise ValueError(told.replace(".*", f".{_key_of(str(error), said, kind)}", 1)) from None
+
+
+def _key_of(message: str, said: Any, kind: Any) -> str:
+    """Return the key that msgspec writes as `[...]`: the one that is refused alone as well."""
+    path = re.search(r"at `\$\.?([\w.]*)\[\.\.\.\]", message)
+    if path is None:
+        return "*"
+    names = [name for name in path[1].split(".") if name]
+    inner = said
+    for name in names:
+        inner = inner[name]
+    for key, value in inner.items():
+        alone: Any = {key: value}
+        for depth in range(len(names), 0, -1):
+            outer = said
+            for name in names[: depth - 1]:
+                outer = outer[name]
+            alone = {**outer, names[depth - 1]: alone}
+        try:
+            msgspec.convert(alone, kind)
+        except msgspec.ValidationError as error:
+            if str(error) == message:
+                return str(key)
+    return "*"
 
 
 _NOT_KNOWN = re.compile(

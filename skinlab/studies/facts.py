@@ -34,10 +34,11 @@ def checked(facts: Mapping[str, Any], where: str) -> Facts:
         if value is None or value == "":
             continue
         if name in _NUMBERS or name in _WHOLE:
+            read, what = (whole_in, "whole number") if name in _WHOLE else (number_in, "number")
             try:
-                found[name] = (whole_in if name in _WHOLE else number_in)(str(value))
+                found[name] = read(str(value))
             except (TypeError, ValueError):
-                raise InputError(f"{where}: {name} is {value!r}, expected a number") from None
+                raise InputError(f"{where}: {name} is {value!r}, expected a {what}") from None
         else:
             found[name] = " ".join(str(value).split())[:_LONGEST]
     try:

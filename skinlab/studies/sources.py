@@ -193,7 +193,7 @@ def _walk(
             below.setdefault(branch, {})[path] = facts
         else:
             reason = f"{path}: listed in {facts['listed']}, and not there"
-            yield Source(_name(path, top, prefix), path, error=reason)
+            yield Source(_name(path, top, prefix), path, error=facts.get("error", reason))
     for path in folders:
         yield from _walk(path, prefix, below.get(path, {}), plan, layout, top)
 
@@ -322,7 +322,11 @@ def _listed(table: Table) -> dict[Path, Facts]:
         if path in found:
             facts["error"] = f"{where}: {cells['file']} is listed twice"
         elif not path.is_relative_to(folder):
-            continue  # outside of the table's folder: not this study's to read
+            facts["error"] = (  # not this study's to read: the table is what is wrong
+                f"{where}: {cells['file']} is outside of the table's folder; expected a file in it"
+            )
+            found.setdefault(table.path, facts)
+            continue
         else:
             wanted = {k: v for k, v in cells.items() if k != "file" and not _is_ours(k)}
             try:

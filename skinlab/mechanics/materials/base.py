@@ -241,6 +241,11 @@ def _check_parameters(law: Law) -> None:
             f"law {law.name!r}: poisson is {law.poisson!r}; expected one of: "
             f"{', '.join(law.names)}, or None"
         )
+    if len({name.lower() for name in law.names}) < len(law.names):
+        raise ValueError(
+            f"law {law.name!r}: two of its parameters differ in capitals alone, and have one "
+            f"option: {', '.join(law.names)}"
+        )
     unit = law.parameter(law.scale).unit
     if unit != "MPa":
         raise ValueError(

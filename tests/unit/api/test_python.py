@@ -243,7 +243,13 @@ class TestTypes:
                                        repeats="2"), "repeats '2': expected a whole number"),
             (lambda c: skinlab.measure("sim://", **OPENING, program="ramp:50@20", out="s.h5",
                                        on_result=3), "on_result 3: expected"),
+            (lambda c: skinlab.forward(**{**SKIN, "X2_MPa": True}, **OPENING, program="ramp:9@9"),
+             "X2_MPa True: expected a number"),
+            (lambda c: skinlab.forward(**{**SKIN, "X2_MPa": b"1"}, **OPENING, program="ramp:9@9"),
+             "X2_MPa b'1': expected a number"),
             (lambda c: skinlab.explain(7), "campaign 7: expected"),
+            (lambda c: skinlab.explain(skinlab.Campaign("c", None, None, (c,)), workers=10**6),
+             "workers 1000000: expected 1–1024"),
             (lambda c: skinlab.study([7], out="there"), "folder [7]: expected"),
             (lambda c: skinlab.study("here", out="there", workers="2"), "workers '2': expected"),
         ],
@@ -257,6 +263,28 @@ class TestTypes:
     def test_numbers_of_numpy_are_numbers(self, curve):
         found = skinlab.identify(curve, seed=np.int64(1), noise_um=np.float32(3.0))
         assert found.seed == 1
+        hka = skinlab.identify(curve, method="hka", slowdown=np.float32(0.5), samples=np.int64(100))
+        setup = replace(curve.setup, aperture_mm=np.int16(6), cycle=np.uint8(1))
+        stated = skinlab.Campaign("c", np.float32(2.0), None, (replace(curve, setup=setup),))
+        for one in (found, hka, stated):
+            json.dumps(one.to_dict())  # of numpy's own it was a TypeError
+
+    def test_a_measurement_takes_numbers_of_numpy(self, tmp_path):
+        """It had broken down at its first curve, under suction."""
+        measured = skinlab.measure(
+            "sim://?seed=1&speed=200",
+            aperture_mm=np.int64(6),
+            thickness_mm=np.float32(1.0),
+            program="ramp:50@50",
+            out=tmp_path / "v.h5",
+            rate_hz=np.float32(50.0),
+            repeats=np.int64(1),
+            first_cycle=np.int64(1),
+            seed=np.int64(2),
+            noise_um=np.float32(3.0),
+        )
+        assert len(measured.curves) == 1
+        assert skinlab.read_session(tmp_path / "v.h5").results[0].parameters
 
     def test_a_warning_names_the_line_of_the_caller(self):
         with pytest.warns(UserWarning, match="crease") as told:
@@ -368,6 +396,8 @@ def test_several_curves_answer_together(curve):
         ({"placement_scatter": 2.0}, "placement_scatter 2.0: expected 0 to below 1, or None"),
         ({"curves": ()}, "curves: expected one curve or more"),
         ({"curves": ("c.csv",)}, "curves: 'c.csv' is no curve"),
+        ({"curves": (None,)}, "curves: None is no curve"),
+        ({"title": 3}, "title 3: expected a text"),
     ],
 )
 def test_a_campaign_that_no_file_could_state_is_refused(curve, stated, sentence):

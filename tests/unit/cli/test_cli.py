@@ -8,13 +8,16 @@ import subprocess
 import sys
 from pathlib import Path
 
+import click
 import numpy as np
 import pytest
 
 from skinlab import workers
 from skinlab.cli.main import _COMMANDS, cli, run
+from skinlab.cli.method_options import MethodCommand
 from skinlab.inference.identify import Identifier
-from skinlab.inference.methods import method_names
+from skinlab.inference.methods import METHODS, get_method, method_names
+from skinlab.inference.methods.base import Method, Option
 from skinlab.mechanics.effects import EFFECTS
 from skinlab.mechanics.effects.base import Effect, Parameter
 
@@ -72,6 +75,18 @@ def test_what_an_effect_prints_is_no_line_of_a_simulated_curve(capsys, tmp_path)
         status, out, err = call(capsys, *FORWARD, *RAMP, "--model", model)
     assert (status, out) == plain[:2]
     assert set(err.splitlines()) == {"found"}
+
+
+def test_a_method_takes_no_command_its_help(capsys):
+    method = Method("mine", get_method("lm").search, "as lm", (Option("help", 1, "of mine"),))
+    with METHODS.lent(method):
+        others = [click.Option(["--seed"])]
+        flags = {
+            flag for option in MethodCommand("c", params=others).params for flag in option.opts
+        }
+    assert "--slowdown" in flags
+    assert "--help" not in flags
+    assert "method mine: its option --help is one of the command's" in capsys.readouterr().err
 
 
 def test_a_simulated_curve_replaces_a_file_only_by_force(capsys, curve_csv):

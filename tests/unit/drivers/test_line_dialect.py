@@ -142,6 +142,8 @@ def test_commands_are_known_and_start_is_never_sent():
         (plain('"mbar"', '"bar"'), "columns.pressure.unit is 'bar'; expected one of: mbar"),
         (plain("<pressure>", "<pres>"), "no group (?P<pressure>...)"),
         (plain(r"\S+)'", r"\S+)(?P<foo>x)'"), "a group 'foo', which is not a column"),
+        (plain(r"\S+)'", r"\S+)(?P<sequence>\d)'"),
+         "columns.sequence is missing: dialect.pattern has a group 'sequence'; expected a table"),
         (plain(r"\S+)'", r"\S+'"), "dialect.pattern is not a regular expression"),
         (plain(r"(?P<pressure>\S+)", r"(?P<pressure>(?:\d+)+)"), "a group is repeated"),
         (plain(r"(?P<pressure>\S+)", r"(?P<pressure>(a|a)*)"), "a group is repeated"),

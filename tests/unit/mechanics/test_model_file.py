@@ -125,6 +125,7 @@ def test_names_that_need_quoting_survive(tmp_path):
             "parameters.X1_MPa.prior: 'flat' is not known; expected uniform, log-uniform",
         ),
         ('"named"', "1", "provenance.verdict: expected a text"),
+        ("[provenance]", "[effects]\nslip = 3\n[provenance]", "effects.slip: expected a table"),
         ("[provenance]", "[provenance", "line|Invalid|Expected"),
     ],
 )

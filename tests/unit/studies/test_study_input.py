@@ -14,8 +14,10 @@ from studies import rows_of, study
 from skinlab.cli.main import run
 from skinlab.errors import InputError
 from skinlab.studies.campaigns import tasks_of
+from skinlab.studies.facts import checked
 from skinlab.studies.labels import doubtful_labels
 from skinlab.studies.path_layout import PathLayout, pairs_of
+from skinlab.studies.sources import Plan, Source, find_sources
 from skinlab.studies.state import State
 
 DOCS = Path(__file__).parents[3] / "docs"
@@ -204,6 +206,28 @@ def test_a_table_as_a_spreadsheet_saves_it_is_read(curve, tmp_path):
     study(tmp_path / "in", "--out", tmp_path / "out", "--workers", 1)
     (row,) = rows_of(tmp_path / "out" / "curves.csv")
     assert (row["subject"], float(row["thickness_mm"]), row["score"]) == ("P1", 1.25, "2.5")
+
+
+def test_a_file_outside_of_a_tables_folder_is_told(tmp_path):
+    """Its row was left aside in silence, and with it whose curve it is."""
+    (tmp_path / "a").mkdir()
+    (tmp_path / "a" / "c.csv").write_text("time_s,pressure_mbar,deflection_mm\n")
+    (tmp_path / "b").mkdir()
+    (tmp_path / "b" / "t.csv").write_text("file,subject\n../a/c.csv,P1\n")
+    plan = Plan((tmp_path,), {"aperture_mm": 6, "thickness_mm": 1}, None, tmp_path / "out")
+    found = {one.name: one.error for one in find_sources(plan) if isinstance(one, Source)}
+    assert found["a/c.csv"] is None
+    assert found["b/t.csv"] == (
+        f"{tmp_path}/b/t.csv: line 2: ../a/c.csv is outside of the table's folder; expected a "
+        "file in it"
+    )
+
+
+def test_a_cycle_is_a_whole_number():
+    with pytest.raises(
+        InputError, match=r"t\.csv: line 2: cycle is '1\.0', expected a whole number"
+    ):
+        checked({"cycle": "1.0"}, "t.csv: line 2")
 
 
 def test_labels_that_may_be_wrong_are_said():

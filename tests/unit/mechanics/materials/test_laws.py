@@ -1,15 +1,18 @@
 """The paper's law by hand, and κ; the rules of all laws are in skinlab/extensions/laws.py."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+from skinlab.cli.law_options import law_values
 from skinlab.errors import InputError
 from skinlab.extensions.laws import resists_a_change_of_volume
 from skinlab.extensions.rules import BrokenRuleError
 from skinlab.mechanics.materials import LAWS, Law, Potential, get_law
 from skinlab.mechanics.materials.base import potential_of_j1
 from skinlab.mechanics.materials.compressibility import kappa_ratio, nu_consistent, nu_from_ratio
-from skinlab.parameters import Parameter, Search
+from skinlab.parameters import Nodes, Parameter, Search
 
 
 def test_the_papers_law_by_hand():
@@ -101,6 +104,10 @@ def law(**declared):
     return type("Mine", (NeoHookean,), declared)()
 
 
+def searched(**declared):
+    return law(parameters=(replace(stiffness("mu_MPa"), **declared),))
+
+
 @pytest.mark.parametrize(
     ("one", "says"),
     [
@@ -115,8 +122,31 @@ def law(**declared):
         ),
         (law(parameters=(stiffness("a", ""),)), "its first parameter, a, is in no unit"),
         (law(poisson="v"), "poisson is 'v'; expected one of: mu_MPa, K_MPa, or None"),
+        (
+            law(parameters=(stiffness("k_MPa"), stiffness("K_MPa", transform="ratio"))),
+            "two of its parameters differ in capitals alone, and have one option: k_MPa, K_MPa",
+        ),
+        (searched(search=Search(0.0, 1.0, "log")), "search begins at 0; log needs more than 0"),
+        (searched(search=Search(0.1, 1.0, "lg")), "even in 'lg'; expected linear, log, ratio"),
+        (searched(search=Search("a", 1.0, "log")), "search ends at 'a'; expected a number"),
+        (searched(axis=Nodes(0.1, 1.0, "5")), "axis has '5' nodes; expected an int above 1"),
+        (searched(axis=Nodes(0.1, 1.0, 5.5)), "axis has 5.5 nodes; expected an int above 1"),
+        (searched(axis=Nodes(0.1, 1.0, 5, "lg")), "axis is even in 'lg'; expected linear, log"),
+        (searched(axis=Nodes(0.0, 1.0, 5, "log")), "axis begins at 0; log needs more than 0"),
     ],
 )
 def test_what_is_declared_wrongly_is_refused_in_a_sentence(one, says):
     with pytest.raises((TypeError, ValueError), match=says), LAWS.lent(one):
         pass
+
+
+def test_laws_whose_parameters_differ_in_capitals_share_an_option():
+    """It was refused for both: "--mu-mpa is not a parameter of the law, which takes --mu-mpa"."""
+
+    class Capitals(NeoHookean):
+        name = "capitals"
+        parameters = (stiffness("MU_MPa"), stiffness("K_MPa", transform="ratio"))
+
+    given = {"law_mu_mpa": 0.06, "law_k_mpa": 0.2}
+    with LAWS.lent(NeoHookean()), LAWS.lent(Capitals()):
+        assert law_values("own_bulk", given) == law_values("capitals", given) == (0.06, 0.2)
