@@ -279,6 +279,13 @@ def all_commands():
         yield from (getattr(command, "commands", None) or {name: command}).values()
 
 
+def test_a_capture_of_nan_seconds_is_refused(tmp_path, capsys):
+    out = tmp_path / "c.jsonl"
+    assert run(["capture", "--port", "sim://", "--seconds", "nan", "--out", str(out)]) == 3
+    assert "seconds nan" in capsys.readouterr().err
+    assert not out.exists()
+
+
 def test_every_command_has_help_with_an_example():
     for command in all_commands():
         assert "Example: skinlab" in (command.help or ""), command.name
