@@ -186,6 +186,8 @@ def card_text(board: Board, columns: int) -> CardText:
             f"{board.phase}: v {'gives up' if board.read_only else 'vents'}",
             (*order_lines(board.order), *model),
         )
+    if entry is None and not board.can_arm:  # F8 would do nothing
+        return CardText("result", ("no curve yet",))
     if entry is None and board.elsewhere:
         whose = who_text(board.who)
         return CardText("a new visit", (whose, "F8 begins it and shows what will happen"))

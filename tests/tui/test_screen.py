@@ -147,6 +147,9 @@ async def test_the_alarm_stays_until_it_is_acknowledged(bedside):
         await bed.until(lambda: bed.app.bench.vents >= 2)
         assert isinstance(bed.app.screen, AlarmScreen)
         assert not bed.board.can_arm
+        await bed.press("question_mark")  # it names no key that would say the same
+        await bed.until(lambda: bed.board.aside.startswith("?: not before the alarm is"))
+        assert bed.board.aside.endswith("(F9)")
         await bed.confirm()
         await bed.on(MainScreen)
         await bed.until(lambda: bed.board.alarm is None)
