@@ -286,6 +286,15 @@ def test_a_capture_of_nan_seconds_is_refused(tmp_path, capsys):
     assert not out.exists()
 
 
+def test_a_terminal_that_can_show_no_screen_is_a_sentence(monkeypatch, capsys):
+    """The screen stayed half empty, and heard neither v nor Ctrl+C."""
+    monkeypatch.delenv("TEXTUAL_DRIVER", raising=False)
+    monkeypatch.setenv("TERM", "dumb")
+    monkeypatch.setattr("skinlab.cli.ui.has_screen", lambda: True)
+    assert run(["ui", "--port", "sim://"]) == 3
+    assert "TERM=dumb: expected a terminal that can show a screen" in capsys.readouterr().err
+
+
 def test_every_command_has_help_with_an_example():
     for command in all_commands():
         assert "Example: skinlab" in (command.help or ""), command.name
