@@ -123,6 +123,9 @@ def command(
 
         protocol = read_protocol(protocol_path)
     if serve:
+        from skinlab.acquisition.session_run import probes
+
+        probes(dose_limit_mbar_s, dialect)
         user_settings()
         given = {
             "--port": port,
