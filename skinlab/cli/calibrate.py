@@ -82,7 +82,8 @@ def command(
     simulated = port.startswith("sim:")
     if sheet is None and not simulated and checked is None:
         raise click.UsageError("--phantoms is needed: only the simulated probe brings a kit")
-    if checked is not None and not sheet is aperture_mm is valid_days is None:
+    given = (sheet, aperture_mm, valid_days)
+    if checked is not None and any(one is not None for one in given):
         raise click.UsageError(
             "--check has phantom, opening and days in the probe file; leave --phantoms, "
             "--aperture-mm and --valid-days out"
@@ -105,8 +106,10 @@ def _ask(phantom: Phantom) -> None:
     """
     import sys
 
+    from skinlab.cli.keys import drop_typed
     from skinlab.errors import InputError
 
+    drop_typed()  # an Enter of before does not start suction on the phantom that is there now
     echo(f"put the probe on phantom {phantom.name} ({phantom.kind}), then press Enter", err=True)
     if not sys.stdin.readline():
         raise InputError("standard input ended: somebody has to put the probe on the phantoms")

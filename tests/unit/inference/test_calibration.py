@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
+import os
 import stat
+import sys
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
@@ -19,6 +21,7 @@ from sim_device.device import Device
 from sim_device.files import ProbeSection, SensorSection
 from sim_device.skin import load_of, make_phantom
 from skinlab.acquisition.calibrating import measure_phantom
+from skinlab.cli.calibrate import _ask
 from skinlab.cli.main import run
 from skinlab.curves.curve import Curve, Setup
 from skinlab.curves.phantoms import Phantom, read_phantoms
@@ -391,6 +394,26 @@ def test_an_alarm_is_said_at_once(tmp_path, monkeypatch, capsys):
 
     monkeypatch.setattr("skinlab.acquisition.calibrating.measure_phantom", measure)
     assert run(["calibrate", "--port", "sim://", "--out", str(tmp_path / "p.toml")]) == 4
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="no ptys")
+def test_an_enter_of_before_starts_nothing(tmp_path, monkeypatch):
+    """An Enter too many started suction on the next phantom, with the probe still on this one."""
+    keyboard, terminal = os.openpty()
+    with os.fdopen(keyboard, "wb", 0) as pressed, os.fdopen(terminal) as stdin:
+        monkeypatch.setattr("sys.stdin", stdin)
+        pressed.write(b"early\n")
+        asked = []
+
+        def ask(text, **_):
+            asked.append(text)
+            pressed.write(b"late\n")
+
+        monkeypatch.setattr("skinlab.cli.calibrate.echo", ask)
+        _ask(Phantom("flat", "rigid"))
+        assert len(asked) == 1
+        pressed.write(b"next\n")
+        assert stdin.readline() == "next\n"
 
 
 def test_a_curve_that_a_lost_link_cut_is_kept_too(tmp_path, monkeypatch):
