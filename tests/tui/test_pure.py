@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from drivers.events import Hello, HostVented, InstrumentState, Sample, State
+from drivers.events import Alarm, Hello, HostVented, InstrumentState, Sample, State
 from skinlab.acquisition.measurement_messages import Phase
 from skinlab.acquisition.measurement_request import DEFAULTS, complaint, read_order, with_opening
 from skinlab.acquisition.messages import Connected, Disconnected, Failed, Heard, Saved, Went
@@ -22,7 +22,13 @@ from skinlab.recording.recorder import new_session_path
 from skinlab.recording.stream import CurveCompleted, CurveStarted, Happened, Identified, Sampled
 from skinlab.report.rounding import interval_words
 from skinlab.studies.reference import Range
-from skinlab.tui.card_text import card_text, result_lines, row_texts
+from skinlab.tui.card_text import (
+    VerdictText,
+    card_text,
+    result_lines,
+    row_texts,
+    verdict_text,
+)
 from skinlab.tui.plot_data import (
     Trace,
     box_around,
@@ -232,6 +238,16 @@ def test_while_the_link_is_lost_v_vents_in_fields_too_and_the_line_begins_with_i
     assert board.suction
     assert board.moving
     assert state_text(board).startswith("LINK LOST")
+
+
+def test_under_an_alarm_and_a_fault_the_next_step_is_theirs():
+    """It was "Good curve; next: F8 measures again" while the valve was stuck."""
+    board = running_board()
+    board.see(Heard((CurveCompleted(1, curve(), None, 0), Identified(1, curve(), result()))))
+    board.see(Heard((Happened(State(InstrumentState.FAULT, "")), Happened(Alarm("lift it")))))
+    assert verdict_text(board).words == "Alarm: lift the probe"
+    board.acknowledge()
+    assert verdict_text(board) == VerdictText("The instrument has a fault", "F8 clears it")
 
 
 def test_the_card_names_no_key_that_means_nothing_now():
