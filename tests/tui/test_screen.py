@@ -32,6 +32,9 @@ async def test_a_bad_program_is_said_under_its_field_and_is_not_armed(bedside):
         await bed.until(lambda: "0–500 mbar" in bed.board.note)
         assert not bed.board.moving
         await bed.until(lambda: bed.app.screen.query_one("#program").has_focus)
+        await bed.fill("program", "ramp:50@20,hold:1,ramp:0@20,rest:1,boo:3")
+        # The few lines there are not filled by the program itself
+        await bed.until(lambda: "program '…': 'boo:3'" in bed.text("#wrong-program"))
         await bed.fill("program", "ramp:50@20")
         await bed.until(lambda: not bed.app.screen.query_one("#wrong-program").display)
         await bed.check()
