@@ -9,6 +9,7 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
@@ -45,6 +46,7 @@ class CaptureWriter:
 
     def __init__(self, path: Path, facts: Mapping[str, Any]) -> None:
         """`facts` go into the first line: port, settings of the line, date."""
+        self._path = str(path)
         self._file = os.fdopen(
             os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), "w", encoding="utf-8"
         )
@@ -64,12 +66,23 @@ class CaptureWriter:
         )
 
     def _line(self, document: Mapping[str, Any]) -> None:
-        self._file.write(json.dumps(document) + "\n")
-        self._file.flush()
+        with self._named():
+            self._file.write(json.dumps(document) + "\n")
+            self._file.flush()
 
     def close(self) -> None:
         """Close the file."""
-        self._file.close()
+        with self._named():
+            self._file.close()
+
+    @contextmanager
+    def _named(self) -> Iterator[None]:
+        """Name the file in an error: the system says that a disk is full, and not of which file."""
+        try:
+            yield
+        except OSError as error:
+            error.filename = self._path
+            raise
 
     def __enter__(self) -> Self:
         return self

@@ -49,6 +49,7 @@ _READ_BYTES = 1 << 16  # more than comes in a second: behind a read nothing old 
 _READ_S = 0.01  # also how long an order to vent may wait
 _RESEND_S = 0.5  # a lost command is sent again; its number keeps it from being done twice
 _VENT_RESEND_S = 0.1  # until the instrument answers; later once a second while not confirmed
+_NOBODY = ": is the instrument on, and are port, speed and dialect right?"
 _MAX_FAILURES = 3  # of the loop itself, before it gives up
 
 _PULLING = frozenset({InstrumentState.ARMED, InstrumentState.RUNNING})
@@ -230,7 +231,9 @@ class Engine:
         self._apply(self._watchdog.check(now), self._clock())
         for request in self._pending:
             if now > request._deadline:
-                request.fail(LinkError(f"no answer to {request.name} in {request.timeout_s:g} s"))
+                what = f"no answer to {request.name} in {request.timeout_s:g} s"
+                unknown = isinstance(request.command, Identify)
+                request.fail(LinkError(what + (_NOBODY if unknown else "")))
         self._forget_settled()
 
     def _send_due(self) -> None:

@@ -10,12 +10,12 @@ from drivers.probe import Probe
 from skinlab.acquisition.measure import measure
 from skinlab.acquisition.measurement_messages import Plan
 from skinlab.acquisition.measurement_request import with_query
-from skinlab.acquisition.pipeline import Pipeline
+from skinlab.acquisition.pipeline import Listener, Pipeline
 from skinlab.acquisition.sources import LiveSource
 from skinlab.curves.csv import write_curve
 from skinlab.curves.curve import Curve, Setup
 from skinlab.curves.phantoms import Phantom
-from skinlab.errors import AcquisitionError
+from skinlab.errors import AcquisitionError, InputError
 from skinlab.io.files import whole_text
 from skinlab.recording.stream import CurveCompleted, Message
 
@@ -29,11 +29,12 @@ def measure_phantom(
     make_probe: Callable[..., Probe] = Probe,
     folder: Path | None = None,
     check: Callable[[Hello], None] = lambda _: None,
+    listener: Listener = lambda _: None,
 ) -> tuple[Hello, Curve]:
     """Return what the instrument is, and its curve on a phantom; a CSV of it goes to `folder`.
 
     aperture_mm: None: as the instrument says. The simulated probe is put on the phantom by its
-    port. `check` may refuse the instrument before any suction.
+    port. `check` may refuse the instrument before any suction; `listener` hears what happens.
 
     Raises:
         AcquisitionError, DriverError: the probe or its link failed, or the driver had to vent.
@@ -54,15 +55,21 @@ def measure_phantom(
             check(hello)
             if probe.read_only:
                 raise AcquisitionError("a calibration needs a probe that runs programs")
-            opening_mm = aperture_mm or hello.aperture_mm or 6.0
+            opening_mm = hello.aperture_mm if aperture_mm is None else aperture_mm
+            if opening_mm is None:
+                raise InputError("the instrument does not say its opening; expected --aperture-mm")
             thickness_mm = phantom.thickness_mm if phantom.kind == "silicone" else 1.0
             setup = Setup(opening_mm, thickness_mm, phantom.asked)
             rate_hz = min(RATE_HZ, hello.max_rate_hz)
-            measure(LiveSource(probe), Plan(setup, rate_hz=rate_hz), Pipeline(None, [keep]))
+            measure(
+                LiveSource(probe), Plan(setup, rate_hz=rate_hz), Pipeline(None, [keep, listener])
+            )
     finally:
-        if folder is not None and curves:
-            with whole_text(folder / f"{phantom.name}.csv") as stream:
-                write_curve(stream, curves[-1])
+        if folder is not None:
+            for cut, curve in enumerate(reversed(curves)):  # all but the last: by a lost link
+                name = f"{phantom.name}-cut-{cut}.csv" if cut else f"{phantom.name}.csv"
+                with whole_text(folder / name) as stream:
+                    write_curve(stream, curve)
     if not curves or curves[-1].partial:
         raise AcquisitionError(f"phantom {phantom.name}: the curve was cut short")
     return hello, curves[-1]

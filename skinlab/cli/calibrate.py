@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -17,6 +18,7 @@ if TYPE_CHECKING:
     from drivers.probe import Probe
     from skinlab.curves.phantoms import Phantom
     from skinlab.curves.probe_file import ProbeFile
+    from skinlab.recording.stream import Message
 
 _UNITS = {
     "deflection_gain": "",
@@ -37,7 +39,7 @@ _UNITS = {
     help="PHANTOMS.toml: what your phantoms are  [default: the simulated probe's kit].",
 )
 @click.option("--aperture-mm", type=float, help="Where the instrument does not say its opening.")
-@click.option("--valid-days", default=365.0, show_default=True, help="How long it holds.")
+@click.option("--valid-days", type=float, help="How long it holds.  [default: 365]")
 @click.option("--out", type=PATH, help="The probe file to write.")
 @click.option(
     "--check",
@@ -51,7 +53,7 @@ def command(
     dialect: str | None,
     sheet: Path | None,
     aperture_mm: float | None,
-    valid_days: float,
+    valid_days: float | None,
     out: Path | None,
     checked: Path | None,
     as_json: bool,
@@ -80,14 +82,19 @@ def command(
     simulated = port.startswith("sim:")
     if sheet is None and not simulated and checked is None:
         raise click.UsageError("--phantoms is needed: only the simulated probe brings a kit")
-    if checked is not None and sheet is not None:
-        raise click.UsageError("--check has its phantom in the probe file; leave --phantoms out")
+    given = (sheet, aperture_mm, valid_days)
+    if checked is not None and any(one is not None for one in given):
+        raise click.UsageError(
+            "--check has phantom, opening and days in the probe file; leave --phantoms, "
+            "--aperture-mm and --valid-days out"
+        )
     choose_dialect(port, dialect)
     make_probe = partial(probes(None, dialect))
     ask = (lambda phantom: None) if simulated else _ask
     if checked is not None:
         return _check(port, checked, ask, make_probe, as_json)
     assert out is not None
+    valid_days = 365.0 if valid_days is None else valid_days
     return _calibrate(port, sheet, aperture_mm, valid_days, out, ask, make_probe, as_json)
 
 
@@ -99,11 +106,22 @@ def _ask(phantom: Phantom) -> None:
     """
     import sys
 
+    from skinlab.cli.keys import drop_typed
     from skinlab.errors import InputError
 
+    drop_typed()  # an Enter of before does not start suction on the phantom that is there now
     echo(f"put the probe on phantom {phantom.name} ({phantom.kind}), then press Enter", err=True)
     if not sys.stdin.readline():
         raise InputError("standard input ended: somebody has to put the probe on the phantoms")
+
+
+def _tell(message: Message) -> None:
+    """Say at once what whoever holds the probe must know."""
+    from skinlab.recording.stream import Happened
+    from skinlab.report.outage import outage_words
+
+    if isinstance(message, Happened) and (words := outage_words(message.event)):
+        echo(f"skinlab: {words}", err=True)
 
 
 def _calibrate(
@@ -119,22 +137,30 @@ def _calibrate(
     from datetime import UTC, datetime
 
     from skinlab.acquisition.calibrating import measure_phantom
+    from skinlab.curves.apertures import check_aperture
     from skinlab.curves.phantoms import read_phantoms
     from skinlab.curves.probe_file import probe_text
     from skinlab.errors import InputError
     from skinlab.inference.calibration import Reading, calibrate
-    from skinlab.io.files import write_file
+    from skinlab.io.files import check_can_write, write_file
 
+    if aperture_mm is not None:
+        check_aperture(aperture_mm)
     if not 0 < valid_days <= 3650:
         raise InputError(f"valid_days {valid_days:g}: expected more than 0, at most 3650")
-    if out.exists():
-        raise InputError(f"{out}: exists already; a probe file is never overwritten")
+    if out.suffix != ".toml":  # .curves and .checks are what lies beside it
+        raise InputError(f"{out}: expected a name that ends with .toml, as probe files have")
+    folder = out.with_suffix(".curves")
+    for path in (out, folder):
+        if os.path.lexists(path):
+            raise InputError(f"{path}: exists already; a calibration is never overwritten")
+    check_can_write(out)
     readings = []
     instruments = set()
     for phantom in read_phantoms(sheet):
         ask(phantom)
         hello, curve = measure_phantom(
-            port, phantom, aperture_mm, make_probe, out.with_suffix(".curves")
+            port, phantom, aperture_mm, make_probe, folder, listener=_tell
         )
         instruments.add((hello.serial_number, hello.model))
         if len(instruments) > 1:
@@ -203,7 +229,9 @@ def _check(
         known.check_instrument(hello.serial_number, hello.aperture_mm, datetime.now(UTC))
 
     aperture_mm = known.file.aperture_mm
-    hello, curve = measure_phantom(port, stored.phantom, aperture_mm, make_probe, check=check)
+    hello, curve = measure_phantom(
+        port, stored.phantom, aperture_mm, make_probe, check=check, listener=_tell
+    )
     found = check_probe(known.file, curve)
     if as_json:
         values = msgspec.to_builtins({"offset_um": found.offset_um, "gain_ratio": found.gain_ratio})

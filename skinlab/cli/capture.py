@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -71,6 +72,8 @@ def command(
         facts["dialect"] = describe_dialect(speaks)
     if out.exists():
         raise InputError(f"{out}: exists already; a capture is never overwritten")
+    if seconds is not None and math.isnan(seconds):
+        raise InputError("seconds nan: expected 0 or more")
     with ExitStack() as stack:
         instrument = open_link(address, framing)
         stack.callback(instrument.close)

@@ -21,6 +21,21 @@ def on_terminal() -> bool:
     return sys.stdin.isatty() and sys.stderr.isatty()
 
 
+def drop_typed() -> None:
+    """Forget what was typed at the terminal and not read yet."""
+    if not sys.stdin.isatty():
+        return
+    if sys.platform == "win32":
+        import msvcrt
+
+        while msvcrt.kbhit():
+            msvcrt.getwch()
+    else:
+        import termios
+
+        termios.tcflush(sys.stdin.fileno(), termios.TCIFLUSH)
+
+
 @contextmanager
 def keys(actions: Mapping[str, Callable[[], None]]) -> Iterator[None]:
     """Do what the pressed keys mean, in a thread; the terminal is as before when this ends."""

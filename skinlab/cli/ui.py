@@ -123,6 +123,9 @@ def command(
 
         protocol = read_protocol(protocol_path)
     if serve:
+        from skinlab.acquisition.session_run import probes
+
+        probes(dose_limit_mbar_s, dialect)
         user_settings()
         given = {
             "--port": port,
@@ -173,6 +176,22 @@ def has_screen() -> bool:
     return sys.stdin.isatty() and sys.stdout.isatty() and sys.stderr.isatty()
 
 
+def check_terminal() -> None:
+    """Refuse a terminal that cannot place text: the screen would stay half empty, and hear no key.
+
+    Raises:
+        InputError: it is one.
+    """
+    from skinlab.errors import InputError
+
+    name = os.environ.get("TERM", "")
+    if name.lower() in {"dumb", "unknown"} and not os.environ.get("TEXTUAL_DRIVER"):
+        raise InputError(
+            f"TERM={name}: expected a terminal that can show a screen, such as xterm; "
+            "`skinlab measure` needs none"
+        )
+
+
 def _on_terminal(
     port: str | None,
     dialect: str | None,
@@ -186,6 +205,7 @@ def _on_terminal(
     """Show the screen; without an identifier it makes its own, beside."""
     from skinlab.acquisition.session_run import probes
 
+    check_terminal()
     make_probe = probes(dose_limit_mbar_s, dialect)
     _release_escape()
     from skinlab.acquisition.probe_session import ProbeSession
@@ -245,6 +265,7 @@ def _serve(given: Mapping[str, object], host: str, port: int) -> int:
 
 def replay_on_terminal(session: Path, speed: float | None, database_path: Path | None) -> int:
     """Replay a session in the screens of the UI; return the exit status."""
+    check_terminal()
     _release_escape()
     from skinlab.acquisition.replayer import Replayer
     from skinlab.tui.app import SkinlabApp

@@ -383,17 +383,18 @@ class SkinlabApp(PartedApp):
             return
         if not await self._check_bindings(event.key):
             name = event.character if event.is_printable and event.character else event.key
-            self.board.tell(f"{_shown(name)}: {self._why_not}; ? lists the keys")
+            self.board.tell(f"{_shown(name)}: {self._why_not}")
 
     @property
     def _why_not(self) -> str:
         """Why a key means nothing."""
         board = self.board
         if board.playing is not None:
-            return "no meaning in a replay"
+            return "no meaning in a replay; ? lists the keys"
         if board.alarm is not None:
             return "not before the alarm is acknowledged (F9)"
-        return "no meaning here" if board.can_arm else f"not now ({board.phase.lower()})"
+        why = "no meaning here" if board.can_arm else f"not now ({board.phase.lower()})"
+        return f"{why}; ? lists the keys"
 
     async def on_event(self, event: events.Event) -> None:
         """Tell the guard of what is typed or pasted, before any key does anything."""

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from drivers.events import InstrumentState
 from skinlab.curves.curve import Curve, Setup
 from skinlab.errors import InputError
 from skinlab.inference.result import Identification
@@ -57,6 +58,9 @@ class VerdictText:
 def verdict_text(board: Board) -> VerdictText:
     """Return what stands above everything else on the main screen."""
     live, entry = board.live, board.entry
+    if board.alarm is not None:  # no advice on the next curve until somebody has seen to it
+        again = "" if board.read_only else "v vents again, "
+        return VerdictText("Alarm: lift the probe", f"{again}F9 acknowledges")
     if board.review is not None:
         return VerdictText("Read what will happen", "F9 starts it, Esc leaves it")
     if live is not None:
@@ -76,6 +80,8 @@ def verdict_text(board: Board) -> VerdictText:
     if board.doing is not None and board.playing is None and board.doing != "venting":
         vents = "v gives up" if board.read_only else "v vents"
         return VerdictText(f"{board.phase.capitalize()} …", vents if board.moving else "wait")
+    if board.instrument is InstrumentState.FAULT and board.playing is None:
+        return VerdictText("The instrument has a fault", "F8 clears it")
     if board.left is not None:
         return VerdictText("The link was lost, and is back", "F8 shows the repeat that was cut")
     if entry is not None:
@@ -186,6 +192,8 @@ def card_text(board: Board, columns: int) -> CardText:
             f"{board.phase}: v {'gives up' if board.read_only else 'vents'}",
             (*order_lines(board.order), *model),
         )
+    if entry is None and not board.can_arm:  # F8 would do nothing
+        return CardText("result", ("no curve yet",))
     if entry is None and board.elsewhere:
         whose = who_text(board.who)
         return CardText("a new visit", (whose, "F8 begins it and shows what will happen"))

@@ -75,11 +75,19 @@ def serve(
     if importlib.util.find_spec("textual_serve") is None:
         raise InputError(_EXTRA)
     server = _make_server(command_line(arguments), host, port, token)
-    tell(page_url(host, port, token))
     try:
+        with socket.socket(socket.AF_INET6 if ":" in host else socket.AF_INET) as trial:
+            # Before an address is told that leads to nothing, or to another server
+            trial.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, sys.platform != "win32")
+            trial.bind((host, port))
+        tell(page_url(host, port, token))
         server.serve()
     except OSError as error:
-        raise InputError(f"{host} port {port}: {error.strerror or error}") from None
+        why = error.strerror or error
+        raise InputError(
+            f"{host} port {port}: {why}; expected an address of this computer and a free port "
+            "(--serve-host, --serve-port)"
+        ) from None
 
 
 def _make_server(command: str, host: str, port: int, token: str) -> Any:

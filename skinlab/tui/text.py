@@ -16,7 +16,7 @@ from skinlab.mechanics.names import effect_words, unit_of
 from skinlab.recording.curve_selection import Deed
 from skinlab.report.rounding import interval_words
 from skinlab.tui.shown import Live, Playing
-from skinlab.tui.ui_state import Board
+from skinlab.tui.ui_state import SEARCHING, Board
 from skinlab.tui.value_text import name_of, shortened
 
 if TYPE_CHECKING:
@@ -132,9 +132,17 @@ def link_text(board: Board) -> str:
         return ""
     if board.hello is None:
         return "no link"
-    if board.doing == "searching":
+    if board.doing == SEARCHING:
         return "LINK LOST"
     return f"{board.damaged} damaged frames" if board.damaged else "link ok"
+
+
+def state_text(board: Board) -> str:
+    """Return what was read last, how far the program is, and how the link does."""
+    texts = [last_text(board), progress_text(board), link_text(board)]
+    if board.doing == SEARCHING:  # what matters most is not what a narrow line cuts off
+        texts.reverse()
+    return "  ".join(text for text in texts if text)
 
 
 def progress_text(board: Board) -> str:

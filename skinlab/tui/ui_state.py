@@ -180,10 +180,9 @@ class Board:
 
     @property
     def moving(self) -> bool:
-        """Armed, running or venting, or about to: fields take no text, v always vents."""
-        return (
-            self.doing in {"arming", "starting", "resting", "venting"} or self.instrument in _MOVING
-        )
+        """Armed, running or venting, or about to, or nobody knows: no text in fields, v vents."""
+        doing = {"arming", "starting", "resting", "venting", SEARCHING}
+        return self.doing in doing or self.instrument in _MOVING
 
     @property
     def can_arm(self) -> bool:

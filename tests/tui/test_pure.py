@@ -8,9 +8,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from drivers.events import Hello, HostVented, InstrumentState, Sample, State
+from drivers.events import Alarm, Hello, HostVented, InstrumentState, Sample, State
+from skinlab.acquisition.measurement_messages import Phase
 from skinlab.acquisition.measurement_request import DEFAULTS, complaint, read_order, with_opening
-from skinlab.acquisition.messages import Connected, Disconnected, Failed, Heard, Saved
+from skinlab.acquisition.messages import Connected, Disconnected, Failed, Heard, Saved, Went
 from skinlab.curves.curve import Curve, Setup
 from skinlab.curves.growing import GrowingCurve
 from skinlab.curves.program import parse_program
@@ -21,7 +22,13 @@ from skinlab.recording.recorder import new_session_path
 from skinlab.recording.stream import CurveCompleted, CurveStarted, Happened, Identified, Sampled
 from skinlab.report.rounding import interval_words
 from skinlab.studies.reference import Range
-from skinlab.tui.card_text import result_lines, row_texts
+from skinlab.tui.card_text import (
+    VerdictText,
+    card_text,
+    result_lines,
+    row_texts,
+    verdict_text,
+)
 from skinlab.tui.plot_data import (
     Trace,
     box_around,
@@ -33,6 +40,7 @@ from skinlab.tui.plot_data import (
     thin,
 )
 from skinlab.tui.shown import Entry
+from skinlab.tui.text import state_text
 from skinlab.tui.ui_state import Board, Level
 from skinlab.tui.value_text import digits, flag_words, interval_text
 
@@ -218,6 +226,35 @@ def running_board():
     growing = GrowingCurve(SETUP)
     board.see(Heard((CurveStarted(1, growing), Happened(State(InstrumentState.RUNNING, "")))))
     return board
+
+
+def test_while_the_link_is_lost_v_vents_in_fields_too_and_the_line_begins_with_it():
+    """The top said "SUCTION? v vents", and v was text for the field that had the focus."""
+    board = running_board()
+    sample = Sample(0, 0.0, 1.0, 0.1, 0)
+    board.see(Heard((Sampled(1, sample), CurveCompleted(1, curve(), "cut", 0))))
+    assert state_text(board).endswith("link ok")
+    board.see(Went(Phase.SEARCHING, None, None))
+    assert board.suction
+    assert board.moving
+    assert state_text(board).startswith("LINK LOST")
+
+
+def test_under_an_alarm_and_a_fault_the_next_step_is_theirs():
+    """It was "Good curve; next: F8 measures again" while the valve was stuck."""
+    board = running_board()
+    board.see(Heard((CurveCompleted(1, curve(), None, 0), Identified(1, curve(), result()))))
+    board.see(Heard((Happened(State(InstrumentState.FAULT, "")), Happened(Alarm("lift it")))))
+    assert verdict_text(board).words == "Alarm: lift the probe"
+    board.acknowledge()
+    assert verdict_text(board) == VerdictText("The instrument has a fault", "F8 clears it")
+
+
+def test_the_card_names_no_key_that_means_nothing_now():
+    board = Board("p")
+    assert "F8" in card_text(board, 40).lines[0]
+    board.begin("connecting", "")
+    assert "F8" not in "".join(card_text(board, 40).lines)
 
 
 def test_the_board_follows_a_run():

@@ -32,6 +32,9 @@ async def test_a_bad_program_is_said_under_its_field_and_is_not_armed(bedside):
         await bed.until(lambda: "0–500 mbar" in bed.board.note)
         assert not bed.board.moving
         await bed.until(lambda: bed.app.screen.query_one("#program").has_focus)
+        await bed.fill("program", "ramp:50@20,hold:1,ramp:0@20,rest:1,boo:3")
+        # The few lines there are not filled by the program itself
+        await bed.until(lambda: "program '…': 'boo:3'" in bed.text("#wrong-program"))
         await bed.fill("program", "ramp:50@20")
         await bed.until(lambda: not bed.app.screen.query_one("#wrong-program").display)
         await bed.check()
@@ -147,6 +150,9 @@ async def test_the_alarm_stays_until_it_is_acknowledged(bedside):
         await bed.until(lambda: bed.app.bench.vents >= 2)
         assert isinstance(bed.app.screen, AlarmScreen)
         assert not bed.board.can_arm
+        await bed.press("question_mark")  # it names no key that would say the same
+        await bed.until(lambda: bed.board.aside.startswith("?: not before the alarm is"))
+        assert bed.board.aside.endswith("(F9)")
         await bed.confirm()
         await bed.on(MainScreen)
         await bed.until(lambda: bed.board.alarm is None)

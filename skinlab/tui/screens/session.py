@@ -25,6 +25,7 @@ from skinlab.tui.typing_guard import CHECK_KEY
 from skinlab.tui.ui_state import Board, Level
 from skinlab.tui.value_text import column_title, value_columns
 from skinlab.tui.widgets.field import Field
+from skinlab.tui.widgets.table import Table
 
 
 class SessionScreen(BoardScreen):
@@ -70,7 +71,7 @@ class SessionScreen(BoardScreen):
     def parts(self) -> Iterator[Widget]:
         """Yield title, curves, what they say together, and the line for an answer."""
         yield Static("", id="session-title", markup=False)
-        yield DataTable(id="session-curves", cursor_type="row", zebra_stripes=True)
+        yield Table(id="session-curves", cursor_type="row", zebra_stripes=True)
         text = Static("", id="session-text", markup=False)
         yield VerticalScroll(text, id="session-says", can_focus=False)
         line = Field(id="session-line", compact=True, max_length=200)

@@ -31,6 +31,7 @@ from skinlab.tui.visits import (
     when,
 )
 from skinlab.tui.widgets.field import Field
+from skinlab.tui.widgets.table import Table
 
 if TYPE_CHECKING:
     from skinlab.inference.identify import Identifier
@@ -72,7 +73,7 @@ class VisitsScreen(BoardScreen):
         line = Field(id="visits-search", compact=True, placeholder="words to search for")
         line.display = False
         yield line
-        yield DataTable(id="visits", cursor_type="row", zebra_stripes=True)
+        yield Table(id="visits", cursor_type="row", zebra_stripes=True)
         text = Static("", id="visits-text", markup=False)
         yield VerticalScroll(text, id="visits-says", can_focus=False)
 

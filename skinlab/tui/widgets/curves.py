@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from textual.widgets import DataTable
-
 from skinlab.tui.card_text import ROW_AFTER, ROW_BEFORE, row_texts
 from skinlab.tui.ui_state import Board
 from skinlab.tui.value_text import column_title, value_columns
+from skinlab.tui.widgets.table import Table
 
 # Widths of columns whose cells are filled later: a table does not always make room.
 _WIDTHS = {"whose": 20, "time": 5, "use": 6, "rms µm": 7, "remarks": 60}
@@ -22,7 +21,7 @@ def _widths(names: tuple[str, ...]) -> dict[str, int | None]:
     }
 
 
-class Curves(DataTable[str]):
+class Curves(Table[str]):
     """One row a curve."""
 
     def __init__(self) -> None:

@@ -23,6 +23,7 @@ _ROWS: tuple[tuple[tuple[str, str, int], ...], ...] = (
     (("cycle", "Cycle", 3), ("repeats", "Times", 2), ("rest_s", "Rest s", 4)),
     (("program", "Program", 200),),
 )
+_SHORT = 20  # characters of a value that its complaint repeats
 _THICKNESS = ("thickness_mm", "thickness_sd_mm")
 _HINTS = {
     "subject": "pseudonym, never a name",
@@ -169,10 +170,15 @@ class Fields(Vertical):
 
     def _judge(self, row: tuple[tuple[str, str, int], ...]) -> None:
         fields = [self.query_one(f"#{name}", Input) for name, _, _ in row]
-        found = [self._complaint(field) for field in fields]
+        found = [_short(self._complaint(field) or "", field.value) for field in fields]
         for field, wrong in zip(fields, found, strict=True):
-            field.set_class(wrong is not None, "-wrong")
+            field.set_class(bool(wrong), "-wrong")
         line = self.query_one(f"#wrong-{row[0][0]}", Static)
         text = next((wrong for wrong in found if wrong), "")
         line.update(text)
         line.display = bool(text)
+
+
+def _short(wrong: str, value: str) -> str:
+    """Return a complaint without a long value, which stands above it: a few lines have room."""
+    return wrong.replace(value, "…") if len(value) > _SHORT else wrong

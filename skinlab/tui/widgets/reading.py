@@ -13,10 +13,8 @@ from textual.widgets import Digits, Label, Static
 from skinlab.tui.text import (
     TIMELINE,
     deflection_text,
-    last_text,
-    link_text,
     pressure_text,
-    progress_text,
+    state_text,
 )
 from skinlab.tui.ui_state import Board
 
@@ -60,8 +58,7 @@ class Reading(Vertical):
         # Numbers only while they are those of now; else what was last, and when
         now = board.latest if board.streaming else None
         pressure, deflection = pressure_text(now), deflection_text(now)
-        texts = (last_text(board), progress_text(board), link_text(board))
-        progress = "  ".join(text for text in texts if text)
+        progress = state_text(board)
         # Of one width, so that no frame moves the layout
         self.query_one("#pressure-large", Digits).update(f"{pressure:>6}")
         self.query_one("#deflection-large", Digits).update(f"{deflection:>6}")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import socket
 import subprocess
 import sys
 from pathlib import Path
@@ -292,6 +293,35 @@ def all_commands():
     for name in _COMMANDS:
         command = cli.get_command(context, name)
         yield from (getattr(command, "commands", None) or {name: command}).values()
+
+
+def test_a_capture_of_nan_seconds_is_refused(tmp_path, capsys):
+    out = tmp_path / "c.jsonl"
+    assert run(["capture", "--port", "sim://", "--seconds", "nan", "--out", str(out)]) == 3
+    assert "seconds nan" in capsys.readouterr().err
+    assert not out.exists()
+
+
+def test_a_terminal_that_can_show_no_screen_is_a_sentence(monkeypatch, capsys):
+    """The screen stayed half empty, and heard neither v nor Ctrl+C."""
+    monkeypatch.delenv("TEXTUAL_DRIVER", raising=False)
+    monkeypatch.setenv("TERM", "dumb")
+    monkeypatch.setattr("skinlab.cli.ui.has_screen", lambda: True)
+    assert run(["ui", "--port", "sim://"]) == 3
+    assert "TERM=dumb: expected a terminal that can show a screen" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("more", "says"), [([], "in use"), (["--dose-limit-mbar-s", "-3"], "dose_limit_mbar_s -3")]
+)
+def test_no_address_is_printed_that_leads_nowhere(capsys, more, says):
+    pytest.importorskip("textual_serve")
+    with socket.create_server(("127.0.0.1", 0)) as other:
+        port = str(other.getsockname()[1])
+        assert run(["ui", "--serve", "--serve-port", port, *more]) == 3
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert says in err
 
 
 def test_every_command_has_help_with_an_example():

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib.util
+import os
 import stat
 from pathlib import Path
 
@@ -44,6 +45,18 @@ def test_a_capture_reads_back(written):
 def test_a_line_that_was_cut_off_is_left_out(written):
     written.write_bytes(written.read_bytes()[:-1])
     assert read_capture(written)[1] == CHUNKS[:-1]
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="no such device here")
+def test_a_full_disk_is_of_a_file_that_is_named(tmp_path):
+    writer = CaptureWriter(tmp_path / "c.jsonl", {})
+    full = os.open("/dev/full", os.O_WRONLY)
+    os.dup2(full, writer._file.fileno())
+    os.close(full)
+    for act in (lambda: writer.write(CHUNKS[0]), writer.close):
+        with pytest.raises(OSError, match="No space left") as caught:
+            act()
+        assert caught.value.filename == str(tmp_path / "c.jsonl")
 
 
 def test_a_capture_is_never_overwritten(written):

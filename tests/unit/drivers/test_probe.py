@@ -460,7 +460,7 @@ def test_a_lost_command_is_sent_again_and_done_once(make_bench, command):
 def test_no_answer(make_bench):
     bench = make_bench()
     bench.link.deaf = True
-    with pytest.raises(LinkError, match="no answer to Identify in 1 s"):
+    with pytest.raises(LinkError, match="no answer to Identify in 1 s: is the instrument on"):
         bench.probe.open(1.0)
     assert bench.link.written[-1].startswith(b"$VENT")
 

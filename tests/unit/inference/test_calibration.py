@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
+import os
 import stat
+import sys
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
@@ -13,21 +15,26 @@ import numpy as np
 import pytest
 
 from drivers.dialects import get_dialect
-from drivers.events import Arm, InstrumentState, KeepAlive, Sample, Start
+from drivers.events import Alarm, Arm, InstrumentState, KeepAlive, Sample, Start
+from drivers.probe import Probe
 from sim_device.device import Device
 from sim_device.files import ProbeSection, SensorSection
 from sim_device.skin import load_of, make_phantom
+from skinlab.acquisition.calibrating import measure_phantom
+from skinlab.cli.calibrate import _ask
 from skinlab.cli.main import run
 from skinlab.curves.curve import Curve, Setup
-from skinlab.curves.phantoms import read_phantoms
+from skinlab.curves.phantoms import Phantom, read_phantoms
 from skinlab.curves.probe_file import PARAMETERS, decode_probe, probe_text, read_probe
+from skinlab.curves.program import parse_program
 from skinlab.discrepancy.misfit import errors_of
 from skinlab.discrepancy.records import records_of
-from skinlab.errors import InputError
+from skinlab.errors import AcquisitionError, InputError
 from skinlab.inference.calibration import Reading, calibrate, check_probe
 from skinlab.recording.audit import entries
 from skinlab.recording.load_inputs import read_campaign_or_session
 from skinlab.recording.session import read_session
+from skinlab.recording.stream import Happened
 
 NOW = datetime(2026, 1, 1, tzinfo=UTC)
 WIRE = get_dialect("reference")
@@ -349,6 +356,94 @@ def test_the_commands_answers(folder, capsys):
     kit = ["--phantoms", str(folder / "kit.toml"), "--out", str(folder / "x.toml")]
     assert run(["calibrate", "--port", port, *kit]) == 3
     assert "kit.toml" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("out", "more", "status", "says"),
+    [
+        ("p.curves", [], 3, "ends with .toml"),
+        ("p.checks", [], 3, "ends with .toml"),
+        ("old.toml", [], 3, "old.curves: exists already"),
+        ("a file/p.toml", [], 3, "cannot be written"),
+        ("p.toml", ["--aperture-mm", "0"], 3, "aperture_mm 0: no probe has this opening"),
+    ],
+)
+def test_what_cannot_be_kept_or_meant_is_refused_before_any_suction(
+    tmp_path, monkeypatch, capsys, out, more, status, says
+):
+    monkeypatch.setattr("skinlab.acquisition.calibrating.measure_phantom", None)
+    (tmp_path / "a file").touch()
+    (tmp_path / "old.curves").mkdir()
+    assert run(["calibrate", "--port", "sim://", "--out", str(tmp_path / out), *more]) == status
+    assert says in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("option", ["--aperture-mm", "--valid-days"])
+def test_a_check_refuses_what_it_would_not_look_at(capsys, option):
+    assert run(["calibrate", "--port", "sim://", "--check", "p.toml", option, "6"]) == 2
+    assert "leave --phantoms, --aperture-mm and --valid-days out" in capsys.readouterr().err
+
+
+def test_an_alarm_is_said_at_once(tmp_path, monkeypatch, capsys):
+    """Under a lost link nothing was said, while it was looked for without end."""
+
+    def measure(*_, listener, **__):
+        listener(Happened(Alarm("the link is lost: lift the probe")))
+        assert "ALARM: the link is lost: lift the probe" in capsys.readouterr().err
+        raise AcquisitionError("ended")
+
+    monkeypatch.setattr("skinlab.acquisition.calibrating.measure_phantom", measure)
+    assert run(["calibrate", "--port", "sim://", "--out", str(tmp_path / "p.toml")]) == 4
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="no ptys")
+def test_an_enter_of_before_starts_nothing(tmp_path, monkeypatch):
+    """An Enter too many started suction on the next phantom, with the probe still on this one."""
+    keyboard, terminal = os.openpty()
+    with os.fdopen(keyboard, "wb", 0) as pressed, os.fdopen(terminal) as stdin:
+        monkeypatch.setattr("sys.stdin", stdin)
+        pressed.write(b"early\n")
+        asked = []
+
+        def ask(text, **_):
+            asked.append(text)
+            pressed.write(b"late\n")
+
+        monkeypatch.setattr("skinlab.cli.calibrate.echo", ask)
+        _ask(Phantom("flat", "rigid"))
+        assert len(asked) == 1
+        pressed.write(b"next\n")
+        assert stdin.readline() == "next\n"
+
+
+def test_a_curve_that_a_lost_link_cut_is_kept_too(tmp_path, monkeypatch):
+    setup = Setup(6.0, 1.0, parse_program("ramp:4@4"))
+    cut, whole = (
+        Curve("", setup, np.arange(n) / 10, np.arange(n) / 10, np.zeros(n), np.zeros(n, int))
+        for n in (3, 10)
+    )
+
+    def measure(source, plan, pipeline):
+        pipeline.complete(1, cut)
+        pipeline.complete(2, whole)
+
+    monkeypatch.setattr("skinlab.acquisition.calibrating.measure", measure)
+    plate = Phantom("flat", "rigid")
+    _, curve = measure_phantom("sim://?speed=200", plate, None, folder=tmp_path)
+    assert curve is whole
+    lines = {p.name: len(p.read_text().splitlines()) for p in tmp_path.iterdir()}
+    assert lines == {"flat.csv": 11, "flat-cut-1.csv": 4}
+
+
+def test_an_opening_that_nobody_says_is_asked_for():
+    """It was taken for 6 mm."""
+
+    class Silent(Probe):
+        def open(self):
+            return replace(super().open(), aperture_mm=None)
+
+    with pytest.raises(InputError, match="--aperture-mm"):
+        measure_phantom("sim://?speed=200", Phantom("flat", "rigid"), None, Silent)
 
 
 def test_whether_the_probe_was_checked_is_said_and_kept(folder, tmp_path, capsys):
