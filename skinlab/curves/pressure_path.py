@@ -17,6 +17,10 @@ Array = NDArray[np.float64]
 # Times after each corner, of a lag: between them a chord of exp(−t) is off by 0.35 % at most, by as
 # much in each but the last.
 _PIECES = (*(-2.0 * math.log(1.0 - k / 12.0) for k in range(1, 12)), 7.5)
+# A rise "at once" takes tens of ms. What is behind it by more than that bends within it, by a share
+# of what it would rise in a time constant, and is cut evenly.
+_EVENLY = tuple(k / 12.0 for k in range(1, 13))
+_RISE_MBAR = 20.0
 
 
 @dataclass(frozen=True)
@@ -85,7 +89,10 @@ class PressurePath:
             at.append(whole + more + (at[-1] - whole) * share)
         begin = np.array(at[:-1])
         # Of each piece its corners, and its end; a jump has neither.
-        since = np.minimum(np.append(lag_s * np.array(_PIECES), math.inf), length[:, None])
+        each = np.outer(np.ones(len(length)), lag_s * np.array(_PIECES))
+        short = (length < lag_s) & (np.abs(slope * length) > _RISE_MBAR)
+        each[short] = np.outer(length[short], _EVENLY)
+        since = np.minimum(np.column_stack([each, np.full(len(length), math.inf)]), length[:, None])
         kept = since < length[:, None]
         kept[:, -1] = length > 0.0
         whole, off = settled[:, None], (begin - settled)[:, None]
