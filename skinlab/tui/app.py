@@ -544,9 +544,11 @@ class SkinlabApp(PartedApp):
 
     def action_leave(self) -> None:
         """Ask whether to vent, finish the session and quit; where that was asked, press F9."""
-        if self._leaving or isinstance(self.screen, AlarmScreen):
-            return
-        if isinstance(self.screen, ConfirmScreen):
+        if not isinstance(self.screen, AlarmScreen):
+            self._ask_to_leave()
+
+    def _ask_to_leave(self) -> None:
+        if self._leaving or isinstance(self.screen, ConfirmScreen):
             return
         saved = "the session is saved" if self.board.visit and not self.board.playing else ""
         what = ", ".join(t for t in ("The probe vents", saved, "the program ends.") if t)
@@ -554,10 +556,10 @@ class SkinlabApp(PartedApp):
         self.push_screen(question, self._may_leave)
 
     def action_stop(self) -> None:
-        """Vent at once, and ask whether to quit."""
+        """Vent at once, and ask whether to quit: over an alarm too, which may come back for good."""
         self.bench.vent("operator")
         self.board.withdraw()
-        self.action_leave()
+        self._ask_to_leave()
 
     def _may_leave(self, yes: bool | None) -> None:
         if not yes or self._leaving:

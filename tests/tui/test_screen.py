@@ -14,6 +14,7 @@ from skinlab.recording.stream import Happened
 from skinlab.tui.screens.alarm import AlarmScreen
 from skinlab.tui.screens.help import HelpScreen
 from skinlab.tui.screens.main import MainScreen
+from skinlab.tui.screens.over import ConfirmScreen
 from skinlab.tui.screens.ports import PortsScreen
 from skinlab.tui.ui_state import Level
 
@@ -157,6 +158,28 @@ async def test_the_alarm_stays_until_it_is_acknowledged(bedside):
         await bed.on(MainScreen)
         await bed.until(lambda: bed.board.alarm is None)
         await bed.connected()
+
+
+async def test_an_alarm_that_comes_back_keeps_nobody(bedside):
+    """A valve that stays stuck raised it a second after each F9, and q was refused."""
+    async with bedside() as bed:
+        await bed.connected()
+        alarm = Heard((Happened(Alarm("the pressure did not fall: lift the probe")),))
+        bed.app.post_message(bed.app.Said(alarm))
+        await bed.on(AlarmScreen)
+        await bed.press("ctrl+c")
+        await bed.on(ConfirmScreen)
+        assert bed.app.bench.vents >= 1
+        bed.app.post_message(bed.app.Said(alarm))
+        await bed.press("f8")
+        await bed.on(AlarmScreen)
+        await bed.press("ctrl+c")
+        await bed.on(ConfirmScreen)
+        await bed.confirm()
+        await bed.until(lambda: bed.board.doing is None)
+        await bed.on(AlarmScreen)
+        await bed.confirm()
+        await bed.until(lambda: bed.app.return_code is not None)
 
 
 @pytest.mark.long
