@@ -556,7 +556,7 @@ class SkinlabApp(PartedApp):
         self.push_screen(question, self._may_leave)
 
     def action_stop(self) -> None:
-        """Vent at once, and ask whether to quit: over an alarm too, which may come back for good."""
+        """Vent at once, and ask whether to quit; over an alarm too: it may come back for good."""
         self.bench.vent("operator")
         self.board.withdraw()
         self._ask_to_leave()
