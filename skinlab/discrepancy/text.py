@@ -33,12 +33,12 @@ def verdict_words(outcome: Outcome) -> str:
 def _verdict(outcome: Outcome) -> str:
     own = set(outcome.found.base.effects)
     names = [explanation_words(c, own) for c in outcome.verdict.explanations]
-    left = outcome.found.base.left.p_value
     match outcome.verdict.name:
-        case "none" if left < ERRORS.adequate and not outcome.trials:
+        case "none" if not (outcome.found.base.adequate or outcome.trials):
+            chance = chance_words(outcome.found.base.left.p_value)
             return (
                 "Nothing is missing, as far as these data tell: noise seldom leaves as much as "
-                f"the model does ({chance_words(left)}), but nothing explains it, and what was "
+                f"the model does ({chance}), but nothing explains it, and what was "
                 "left out is predicted about as well as is expected."
             )
         case "none" if not outcome.found.base.adequate or _failed(outcome) == {"size"}:

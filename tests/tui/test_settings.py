@@ -53,7 +53,7 @@ def test_without_a_file_all_is_as_usual(tmp_path):
         ),
         ("[keys]\nconfirm = ' '", "expected another key"),
         ("[keys]\nconfirm = 'space'", "this key belongs to fields"),
-        ("[keys]\nconfirm = 3", "keys.*: expected a text or a list"),
+        ("[keys]\nconfirm = 3", "keys.confirm: expected a text or a list"),
         ("keys = ", "invalid value"),
     ],
 )
