@@ -163,7 +163,8 @@ def tangent_error(effects: Mapping[str, Values]) -> tuple[float, float]:
     rng = np.random.default_rng(3)
     small = 0.02 * np.diff(np.unique(assembly.mesh.nodes[:, 1])).min()  # of the thinnest row
     r, z = assembly.mesh.nodes.T
-    smooth = np.column_stack([0.03 * r * z, 0.1 * z]).ravel()  # none at the tape
+    deep = z * (1.0 - z / z.min())  # none at the tape, nor where a layer is held from below
+    smooth = np.column_stack([0.03 * r * deep, 0.1 * deep]).ravel()
     u = np.zeros(assembly.n)
     u[assembly.equation[assembly.equation < assembly.n]] = smooth[assembly.equation < assembly.n]
     u, v = u + small * rng.normal(size=assembly.n), small * rng.normal(size=assembly.n)

@@ -104,7 +104,7 @@ def noise_of(facts: Facts, session: Session | None = None) -> tuple[float | None
         InputError: what the session says of it is damaged.
     """
     own = (None, None) if session is None else stated_noise(session.meta)
-    return facts.get("noise_um") or own[0], facts.get("pressure_noise_mbar", own[1])
+    return facts.get("noise_um", own[0]), facts.get("pressure_noise_mbar", own[1])
 
 
 def curves_and_noise(

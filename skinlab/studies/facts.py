@@ -48,9 +48,10 @@ def checked(facts: Mapping[str, Any], where: str) -> Facts:
         Setup(**{"aperture_mm": 6.0, "thickness_mm": 1.0, **setup})
     except InputError as error:
         raise InputError(f"{where}: {error}") from None
-    for name in NOISE:
-        if name in found and not 0 <= found[name] < 1e6:
-            raise InputError(f"{where}: {name} is {found[name]:g}, expected zero or more")
+    for name, what in (("noise_um", "above zero"), ("pressure_noise_mbar", "zero or more")):
+        value = found.get(name, 1.0)
+        if not (0 <= value < 1e6) or (value == 0 and name == "noise_um"):
+            raise InputError(f"{where}: {name} is {value:g}, expected {what}")
     return found
 
 

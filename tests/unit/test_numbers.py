@@ -71,8 +71,11 @@ def test_files_and_programs_do_not_take_it(tmp_path):
     with pytest.raises(InputError, match="was not understood"):
         parse_program("ramp:1_00@20")
     for name in ("noise_um", "cycle"):
-        with pytest.raises(InputError, match=f"{name} is '1_0', expected a number"):
+        with pytest.raises(InputError, match=f"{name} is '1_0', expected a"):
             checked({name: "1_0"}, "P1")
+    with pytest.raises(InputError, match="P1: noise_um is 0, expected above zero"):
+        checked({"noise_um": 0}, "P1")  # as campaign.toml refuses it: it was "not stated"
+    assert checked({"pressure_noise_mbar": 0}, "P1") == {"pressure_noise_mbar": 0.0}
 
 
 @pytest.mark.parametrize("field", ["aperture_mm", "thickness_mm", "rest_s", "cycle", "repeats"])
