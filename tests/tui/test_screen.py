@@ -140,12 +140,17 @@ async def test_v_vents_through_the_help(bedside):
         await bed.until(lambda: bed.board.can_arm)
 
 
+async def alarmed(bed):
+    await bed.connected()
+    alarm = Heard((Happened(Alarm("the pressure did not fall: lift the probe")),))
+    bed.app.post_message(bed.app.Said(alarm))
+    await bed.on(AlarmScreen)
+    return alarm
+
+
 async def test_the_alarm_stays_until_it_is_acknowledged(bedside):
     async with bedside() as bed:
-        await bed.connected()
-        alarm = Heard((Happened(Alarm("the pressure did not fall: lift the probe")),))
-        bed.app.post_message(bed.app.Said(alarm))
-        await bed.on(AlarmScreen)
+        alarm = await alarmed(bed)
         bed.app.post_message(bed.app.Said(alarm))
         await bed.press("enter", "space", "escape", "v", "f1", "q", "a", "f8", "f9")
         await bed.until(lambda: bed.app.bench.vents >= 2)
@@ -163,10 +168,7 @@ async def test_the_alarm_stays_until_it_is_acknowledged(bedside):
 async def test_an_alarm_that_comes_back_keeps_nobody(bedside):
     """A valve that stays stuck raised it a second after each F9, and q was refused."""
     async with bedside() as bed:
-        await bed.connected()
-        alarm = Heard((Happened(Alarm("the pressure did not fall: lift the probe")),))
-        bed.app.post_message(bed.app.Said(alarm))
-        await bed.on(AlarmScreen)
+        alarm = await alarmed(bed)
         await bed.press("ctrl+c")
         await bed.on(ConfirmScreen)
         assert bed.app.bench.vents >= 1
