@@ -29,6 +29,7 @@ _WORDS: dict[object, str] = {
 }
 _LISTS = (Sequence, list, tuple)
 _LONGEST = 60  # of a value that is shown
+_MOST_WORKERS = 1024
 _AS_NUMPY_COMES: dict[str, Any] = {
     "divide": "warn", "over": "warn", "under": "ignore", "invalid": "warn",
 }  # fmt: skip
@@ -64,6 +65,16 @@ def checked(function: Callable[P, R]) -> Callable[P, R]:
 def plain(value: Any) -> Any:
     """Return a number of numpy as Python's; all else as it is."""
     return value.item() if isinstance(value, np.generic) else value
+
+
+def check_workers(workers: int | None) -> None:
+    """Refuse a number of processes that no machine has, as `--workers` does.
+
+    Raises:
+        InputError: says what was expected.
+    """
+    if workers is not None and not 1 <= workers <= _MOST_WORKERS:
+        raise InputError(f"workers {workers}: expected 1–{_MOST_WORKERS}")
 
 
 @functools.cache

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
+from skinlab.api.arguments import check_workers
 from skinlab.api.identifiers import find_model
 from skinlab.api.paths import PathLike
 from skinlab.curves.campaign import Campaign
@@ -73,8 +74,7 @@ def outcome_of(
         InputError: the curves or the model cannot be explained.
         NotTrustworthyError: the model does not hold for them.
     """
-    if workers is not None and not 1 <= workers <= 1024:
-        raise InputError(f"workers {workers}: expected 1–1024")
+    check_workers(workers)
     check_distinct(campaign.curves)
     placements = placements_of(campaign.curves)
     noise = campaign.noise_um, campaign.pressure_noise_mbar

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from drivers.numbers import number_in
-from skinlab.api.arguments import checked
+from skinlab.api.arguments import check_workers, checked
 from skinlab.api.explaining import base_model, hashes_of, outcome_of
 from skinlab.api.identifiers import compose_identifier, find_table
 from skinlab.api.paths import PathLike, as_path
@@ -436,8 +436,7 @@ def study(
 
     if dask is not None and workers is not None:
         raise InputError("dask and workers exclude each other")
-    if workers is not None and not 1 <= workers <= 1024:
-        raise InputError(f"workers {workers}: expected 1–1024")
+    check_workers(workers)
     folders = [folder] if isinstance(folder, str | os.PathLike) else list(folder)
     if not folders:
         raise InputError("expected a folder of curves, or several")

@@ -130,9 +130,11 @@ def may_be_chance(found: Found, learned: Found, left: HeldOut) -> bool:
     """Return whether what the model leaves may be chance though its p value is small.
 
     Nothing that has a name and no function is likelier than the model as it is, and it predicts
-    what was left out about as well as is expected: no gap is there that anything could close. One
-    campaign in fifty in which nothing was hidden came to that.
+    what was left out about as well as is expected: no gap is there that anything could close. Not
+    where one condition only was measured, of which nothing was left out.
     """
+    if not left.files:
+        return False
     leads = any(c.log10_evidence >= found.tie for c in (*found.candidates, *learned.candidates))
     more_um = math.sqrt(max(left.rms_um**2 - left.expected_um**2, 0.0))
     hardly = found.base.left.by_errors < ERRORS.hardly

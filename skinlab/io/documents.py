@@ -92,25 +92,24 @@ def decode(said: Any, kind: type[Kind]) -> Kind:
 def _key_of(message: str, said: Any, kind: Any) -> str:
     """Return the key that msgspec writes as `[...]`: the one that is refused alone as well."""
     path = re.search(r"at `\$\.?([\w.]*)\[\.\.\.\]", message)
-    if path is None:
-        return "*"
-    names = [name for name in path[1].split(".") if name]
+    names = [] if path is None else [name for name in path[1].split(".") if name]
     inner = said
     for name in names:
         inner = inner[name]
-    for key, value in inner.items():
-        alone: Any = {key: value}
-        for depth in range(len(names), 0, -1):
-            outer = said
-            for name in names[: depth - 1]:
-                outer = outer[name]
-            alone = {**outer, names[depth - 1]: alone}
+    for key, value in inner.items() if path is not None and isinstance(inner, dict) else ():
         try:
-            msgspec.convert(alone, kind)
+            msgspec.convert(_with_only(said, names, {key: value}), kind)
         except msgspec.ValidationError as error:
             if str(error) == message:
                 return str(key)
     return "*"
+
+
+def _with_only(said: Any, names: Sequence[str], inner: Any) -> Any:
+    """Return what was said, the table at the end of these names replaced."""
+    if not names:
+        return inner
+    return said | {names[0]: _with_only(said[names[0]], names[1:], inner)}
 
 
 _NOT_KNOWN = re.compile(

@@ -321,6 +321,7 @@ def test_what_nothing_explains_and_predicts_as_expected_may_be_chance(
     left = HeldOut(gap_um, 2.9, 3.0, ("a.csv",), gap_um)
     assert may_be_chance(found, kinds, left) is chance
     assert not may_be_chance(replace(found, implausible="too large"), kinds, left)
+    assert not may_be_chance(found, kinds, replace(left, files=()))  # nothing was left out
 
 
 @pytest.mark.parametrize(
