@@ -16,7 +16,7 @@ from skinlab.discrepancy.fit import Fit, Fitter
 from skinlab.discrepancy.heldout import HeldOut, conditions_of, predict_held_out
 from skinlab.discrepancy.misfit import errors_of
 from skinlab.discrepancy.motion import IN_STEP, find_motion, has_motion
-from skinlab.discrepancy.next_measurement import advise
+from skinlab.discrepancy.next_measurement import NextMeasurement, advise
 from skinlab.discrepancy.outcome import Outcome
 from skinlab.discrepancy.placement_curves import with_stiffness_of
 from skinlab.discrepancy.planned_curve import PlannedErrors
@@ -105,103 +105,10 @@ def explain(
         )  # fmt: skip
         if still_contradicted(search.unknowns, unlike, alone.posteriors[alone.best.effects]):
             return replace(alone, unlike_model=tuple(unlike))
-    found = search.run(base)
-    tried = _tried(search, found, _each_needed(search, found, decide(found)), progress)
-    doubtful = found.base.left.p_value < ERRORS.no_doubt
-    beaten = doubtful and tried.failed == {"families"}
-    # Where errors would do, a kind is asked for only by evidence that no chance gives.
-    least = NAMES.unasked if tried.verdict.name == "none" and not beaten else 0.0
-    more = found
-    if tried.verdict.name in ("none", "unknown"):
-        progress("finding out what kind of thing is missing")
-        before = search.errors
-        more = find_families(search, found, least)
-        kind = decide_learned(more)
-        if kind.explanations and kind.explanations[0].log10_evidence < least:
-            kind = Verdict("unknown", [])
-        learned = _tried(search, more, kind, progress) if kind.explanations else tried
-        named = search.weighed(found.base, found.candidates) if kind.explanations else []
-        stood = tried.doubted if tried.failed == {"families"} else None
-        if learned.verdict.name == "learned" and not outdone_by_names(
-            learned.verdict, named, stood
-        ):
-            both = [*more.candidates, *named]
-            both.sort(key=lambda c: -c.log10_evidence)
-            tried = replace(learned, found=replace(more, candidates=both))
-        else:
-            search.errors = before
-    if tried.verdict.name in ("none", "unknown") and (moving := find_motion(search, found)):
-        one, trials = moving
-        verdict = disciplined(Verdict("learned", [one]), found, trials)
-        if verdict.explanations:
-            tried = replace(
-                tried,
-                verdict=verdict,
-                found=replace(found, candidates=[one, *found.candidates]),
-                held={one.effects: tried.before},
-                trials=trials,
-            )
-    if tried.verdict.name == "unknown":
-        tried = _told_otherwise(search, tried, found, more)
-    verdict, found = tried.verdict, tried.found
+    tried = _told(search, search.run(base), progress)
     progress("working out the intervals")
-    chosen = verdict.explanations[0] if verdict.explanations else found.base
-    shares = shares_of(search.errors, *map(search.linear, (found.base.fit, chosen.fit)))
-    final, held = tried.final, tried.held
-    refined = tried.again(chosen.fit)
-    if not is_motion(chosen, found.base.effects):
-        refined = final.refined(refined)
-    errors = with_stiffness_of(refined, search.errors.looks[-1])
-    own = final.with_errors(final.records, errors.mode)
-    refined = refined.with_errors(final.errors, own.errors)
-    # A learned function is linear in its many coefficients: the valley needs not to be followed.
-    posterior = (
-        gaussian(refined)
-        if verdict.name == "learned"
-        else sample(own, refined, errors, np.random.default_rng(seed))
-    )
-    posteriors = {chosen.effects: posterior}
-    following = None
-    if verdict.name == "ambiguous":
-        progress("looking for the measurement that would tell them apart")
-        tied = verdict.explanations[: NAMES.most_tied]
-        least = max(c.log10_evidence for c in tied) - PLANS.behind
-        known = {c.effects for c in verdict.explanations}
-        behind = [
-            c
-            for c in found.candidates
-            if c.adequate and c.log10_evidence >= least and c.effects not in known
-        ][: PLANS.most - len(tied)]
-        following = advise(
-            final,
-            [tried.again(c.fit) for c in tied],
-            [c.log10_evidence for c in (*tied, *behind)],
-            PlannedErrors.settings(search.errors, [search.linear(c.fit) for c in tied]),
-            np.random.default_rng([seed, 1]),
-            [tried.again(c.fit) for c in behind],
-        )
-    after = held[chosen.effects] if verdict.explanations else tried.before
-    said = judge_errors(search.errors.looks[-1], None)
-    return Outcome(
-        verdict,
-        found,
-        tried.before,
-        after,
-        {names: gap.rms_um for names, gap in held.items()},
-        following,
-        seed=seed,
-        posteriors=posteriors,
-        alike=alike(found.signatures),
-        trials=tried.trials,
-        doubted=None if verdict.explanations else tried.doubted,
-        shares=shares,
-        error_model=said.summary,
-        placement=said.placement,
-        repeats_um=repeats_um(
-            final.records, by_condition(final.records), chosen.fit.deflections_mm
-        ),
-        learned_from_these=learned_from_these,
-    )
+    outcome = _outcome(search, tried, seed, progress)
+    return replace(outcome, learned_from_these=learned_from_these)
 
 
 @dataclass(frozen=True, eq=False)
@@ -227,6 +134,133 @@ class _Tried:
     def again(self, fit: Fit) -> Fit:
         """Return a fit with the errors as the best explanation sees them."""
         return fit.with_errors(self.searched.errors, self.final.errors)
+
+
+def _told(search: Search, found: Found, progress: Callable[[str], None]) -> _Tried:
+    """Return what is told of what the search has found: a name, a tie, a kind, or nothing."""
+    tried = _tried(search, found, _each_needed(search, found, decide(found)), progress)
+    learned = found
+    if tried.verdict.name in ("none", "unknown"):
+        tried, learned = _or_a_kind(search, tried, found, progress)
+    if tried.verdict.name in ("none", "unknown"):
+        tried = _or_a_motion(search, tried, found)
+    if tried.verdict.name == "unknown":
+        tried = _told_otherwise(search, tried, found, learned)
+    return tried
+
+
+def _or_a_kind(
+    search: Search, tried: _Tried, found: Found, progress: Callable[[str], None]
+) -> tuple[_Tried, Found]:
+    """Return the kind of thing that is missing, if one stands its trials, and all kinds asked."""
+    doubtful = found.base.left.p_value < ERRORS.no_doubt
+    beaten = doubtful and tried.failed == {"families"}
+    # Where errors would do, a kind is asked for only by evidence that no chance gives.
+    least = NAMES.unasked if tried.verdict.name == "none" and not beaten else 0.0
+    progress("finding out what kind of thing is missing")
+    before = search.errors
+    more = find_families(search, found, least)
+    kind = decide_learned(more)
+    if kind.explanations and kind.explanations[0].log10_evidence >= least:
+        learned = _tried(search, more, kind, progress)
+        named = search.weighed(found.base, found.candidates)
+        stood = tried.doubted if tried.failed == {"families"} else None
+        if learned.verdict.name == "learned" and not outdone_by_names(
+            learned.verdict, named, stood
+        ):
+            both = [*more.candidates, *named]
+            both.sort(key=lambda c: -c.log10_evidence)
+            return replace(learned, found=replace(more, candidates=both)), more
+    search.errors = before
+    return tried, more
+
+
+def _or_a_motion(search: Search, tried: _Tried, found: Found) -> _Tried:
+    """Return the motion that all curves have in step, if there is one."""
+    moving = find_motion(search, found)
+    if moving is None:
+        return tried
+    one, trials = moving
+    verdict = disciplined(Verdict("learned", [one]), found, trials)
+    if not verdict.explanations:
+        return tried
+    return replace(
+        tried,
+        verdict=verdict,
+        found=replace(found, candidates=[one, *found.candidates]),
+        held={one.effects: tried.before},
+        trials=trials,
+    )
+
+
+def _outcome(
+    search: Search,
+    tried: _Tried,
+    seed: int,
+    progress: Callable[[str], None],
+) -> Outcome:
+    """Return a verdict with its intervals, its shares of the gap and what to measure next."""
+    verdict, found, final = tried.verdict, tried.found, tried.final
+    chosen = verdict.explanations[0] if verdict.explanations else found.base
+    shares = shares_of(search.errors, *map(search.linear, (found.base.fit, chosen.fit)))
+    refined = tried.again(chosen.fit)
+    if not is_motion(chosen, found.base.effects):
+        refined = final.refined(refined)
+    errors = with_stiffness_of(refined, search.errors.looks[-1])
+    own = final.with_errors(final.records, errors.mode)
+    refined = refined.with_errors(final.errors, own.errors)
+    # A learned function is linear in its many coefficients: the valley needs not to be followed.
+    posterior = (
+        gaussian(refined)
+        if verdict.name == "learned"
+        else sample(own, refined, errors, np.random.default_rng(seed))
+    )
+    following = None
+    if verdict.name == "ambiguous":
+        progress("looking for the measurement that would tell them apart")
+        following = _next_measurement(search, tried, np.random.default_rng([seed, 1]))
+    said = judge_errors(search.errors.looks[-1], None)
+    return Outcome(
+        verdict,
+        found,
+        tried.before,
+        tried.held[chosen.effects] if verdict.explanations else tried.before,
+        {names: gap.rms_um for names, gap in tried.held.items()},
+        following,
+        seed=seed,
+        posteriors={chosen.effects: posterior},
+        alike=alike(found.signatures),
+        trials=tried.trials,
+        doubted=None if verdict.explanations else tried.doubted,
+        shares=shares,
+        error_model=said.summary,
+        placement=said.placement,
+        repeats_um=repeats_um(
+            final.records, by_condition(final.records), chosen.fit.deflections_mm
+        ),
+    )
+
+
+def _next_measurement(
+    search: Search, tried: _Tried, rng: np.random.Generator
+) -> NextMeasurement | None:
+    """Return what would tell the tied apart, also from what is a little behind them."""
+    every = tried.verdict.explanations
+    tied, known = every[: NAMES.most_tied], {c.effects for c in every}
+    least = max(c.log10_evidence for c in tied) - PLANS.behind
+    behind = [
+        c
+        for c in tried.found.candidates
+        if c.adequate and c.log10_evidence >= least and c.effects not in known
+    ][: PLANS.most - len(tied)]
+    return advise(
+        tried.final,
+        [tried.again(c.fit) for c in tied],
+        [c.log10_evidence for c in (*tied, *behind)],
+        PlannedErrors.settings(search.errors, [search.linear(c.fit) for c in tied]),
+        rng,
+        [tried.again(c.fit) for c in behind],
+    )
 
 
 def _told_otherwise(search: Search, tried: _Tried, found: Found, learned: Found) -> _Tried:
