@@ -45,6 +45,16 @@ def wire_segments(program: Program) -> tuple[Segment, ...]:
     return tuple(segments)
 
 
+def check_opening(setup: Setup, opening_mm: float | None) -> None:
+    """Refuse what is planned for another opening than the probe says that it has.
+
+    Raises:
+        InputError: so.
+    """
+    if opening_mm is not None and abs(opening_mm - setup.aperture_mm) > 1e-6:
+        raise InputError(f"aperture_mm {setup.aperture_mm:g}: the probe has {opening_mm:g} mm")
+
+
 class LiveSource:
     """A probe, and the plans for it."""
 
@@ -78,11 +88,7 @@ class LiveSource:
         hello = self.probe.hello
         if setup.program is None and not self.read_only:
             raise InputError("a measurement needs a program")
-        opening_mm = None if hello is None else hello.aperture_mm
-        if opening_mm is not None and abs(opening_mm - setup.aperture_mm) > 1e-6:
-            raise InputError(
-                f"aperture_mm {setup.aperture_mm:g}: the connected probe has {opening_mm:g} mm"
-            )
+        check_opening(setup, None if hello is None else hello.aperture_mm)
         if setup.program is not None and setup.program.stops_at_heights:
             self._check_heights(setup.program)
         rate = rate_hz if rate_hz is not None else hello.default_rate_hz if hello else 20.0

@@ -448,7 +448,9 @@ class SkinlabApp(PartedApp):
     def action_vent(self) -> None:
         """Vent at once; close what is open over the main screen, and leave the fields."""
         self.bench.vent("operator")
-        if self.board.moving:
+        if self.board.playing is not None:
+            self.board.say(Level.INFO, "a replay: no probe is connected, and nothing is vented")
+        elif self.board.moving:
             self.board.say(Level.WARNING, "vent ordered")
         self._starting.forget()
         self.board.withdraw()

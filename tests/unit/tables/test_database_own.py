@@ -328,6 +328,11 @@ def test_a_killed_build_goes_on_to_the_same_bits(corners, tmp_path, capsys):
     assert whole in shown.out
     assert "%" not in shown.err  # no progress bar in a pipe
     assert not kept.exists()
+    assert run(told) == 3
+    assert "db.h5: exists already; --force replaces it" in capsys.readouterr().err
+    out.write_text("another one")
+    assert run([*told, "--force"]) == 0
+    assert whole in capsys.readouterr().out
     assert read(out).content_hash == whole
 
 
