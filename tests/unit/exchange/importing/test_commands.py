@@ -116,7 +116,7 @@ def test_nothing_good_leaves_no_session(call, tmp_path):
         ),
         (["import", "a.txt", *SKIN, "--time-unit", "h", "--out", "s.h5"], 2, "--time-unit"),
         (["import", "a.txt", *SKIN, "--subject", "Jane", "--out", "s.h5"], 3, "pseudonym"),
-        (["import", "a.txt", *SKIN, "--cycle", 0, "--out", "s.h5"], 3, "count from 1"),
+        (["import", "a.txt", *SKIN, "--cycle", 0, "--out", "s.h5"], 3, "cycle 0: expected"),
         (["import", "a.txt", *SKIN, "--program", "up", "--out", "s.h5"], 3, "is not a segment"),
         (["import", "a.txt", *SKIN, "--out", "a.txt"], 3, "exists already"),
         (["import", "a.txt", *SKIN, "--out", "s.txt"], 3, "s.txt: expected a name that ends with"),
