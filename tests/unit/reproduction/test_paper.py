@@ -213,6 +213,11 @@ class TestWhole:
         first = tables.stochastic(SMALL, Blind(), 50, 1)
         assert not np.array_equal(runs[0]().parameters, first[0]().parameters)
 
+    def test_where_nothing_can_be_written_nothing_is_computed(self, tmp_path):
+        (tmp_path / "taken").write_text("")
+        with pytest.raises(InputError, match=r"times\.csv: cannot be written"):
+            output.Target(tmp_path / "taken" / "out").check(ORDER)
+
     @pytest.mark.long
     def test_files(self, small, tmp_path):
         parts, times = small

@@ -4,6 +4,7 @@ import dataclasses
 import json
 import subprocess
 import sys
+from pathlib import Path
 
 import h5py
 import msgspec
@@ -299,6 +300,14 @@ def progress(done, total):
 
 build(read_spec(sys.argv[1]), How(keep=Path(sys.argv[2]), progress=progress))
 """
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="no disk that is full")
+def test_rows_that_have_no_room_are_told_with_their_file(tmp_path):
+    kept = tmp_path / "db.h5.rows"
+    kept.symlink_to("/dev/full")
+    with pytest.raises(InputError, match=r"db.h5.rows: cannot be written \(No space left"):
+        KeptRows(kept, "of", 3, resume=False)
 
 
 def test_a_killed_build_goes_on_to_the_same_bits(corners, tmp_path, capsys):
