@@ -60,8 +60,11 @@ class KeptRows:
         except OSError as error:
             raise InputError(f"{path}: {error.strerror or error}") from None
         if not there:
-            with cannot_write(path):
+            try:
                 self._file.write(self._head)
+            except OSError as error:
+                self._file.close()
+                raise InputError(f"{path}: cannot be written ({error.strerror})") from None
             return
         if self._file.readline() != self._head:
             self._file.close()
