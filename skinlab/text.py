@@ -105,7 +105,7 @@ def json_text(document: Any) -> str:
     import json  # slow to import, as difflib
 
     text = json.dumps(document, indent=1, allow_nan=False).replace("\x7f", "\\u007f")
-    return _HALF.sub(lambda m: m["code"] and "\\" + _symbol(int(m["code"], 16)) or m[0], text)
+    return _HALF.sub(lambda m: "\\" + _symbol(int(m["code"], 16)) if m["code"] else m[0], text)
 
 
 def csv_cell(value: Any) -> Any:

@@ -82,7 +82,7 @@ def test_a_study_says_what_it_needs(tmp_path):
 
 
 def test_a_sentence_names_arguments_as_python_has_them(tmp_path):
-    with pytest.raises(skinlab.InputError, match="^layout {who}: {who} is unknown"):
+    with pytest.raises(skinlab.InputError, match=r"^layout {who}: {who} is unknown"):
         skinlab.study(tmp_path, out=tmp_path / "study", layout="{who}")
     with pytest.raises(skinlab.InputError, match="use direct=True, or a value inside"):
         skinlab.forward(**{**SKIN, "X1_MPa": 0.0011}, **OPENING, program="ramp:20@20")

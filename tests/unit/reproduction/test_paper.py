@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import csv
 import errno
-import os
 import json
+import os
 import subprocess
 import sys
 from dataclasses import replace

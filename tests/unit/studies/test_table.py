@@ -366,7 +366,7 @@ def test_a_wrong_value_in_a_table_names_its_line(cohort, tmp_path):
 
 def test_a_layout_says_what_is_wrong_with_it():
     for wrong in ("{who}", "plain", "{site}/{site}"):
-        with pytest.raises(InputError, match="^layout "):
+        with pytest.raises(InputError, match=r"^layout "):
             PathLayout.of(wrong)
 
 
