@@ -6,6 +6,7 @@ import time
 from collections import deque
 from collections.abc import Callable, Iterator
 
+from drivers.errors import LimitError
 from drivers.events import Segment, SegmentKind
 from drivers.limits import CANNOT_UNTIL
 from drivers.probe import Probe
@@ -79,8 +80,8 @@ class LiveSource:
         """Plan a run and make the probe ready for it; `rate_hz` None: the instrument's usual one.
 
         Raises:
-            InputError: the setup has no program, or not this probe's aperture; or the disk has no
-                room for the record.
+            InputError: the setup has no program, or not this probe's aperture, or is beyond its
+                limits; or the disk has no room for the record.
             DriverError: the probe refused, or its link failed.
 
         What only streams is not made ready: it is noted what the next curve belongs to.
@@ -96,7 +97,10 @@ class LiveSource:
             duration_s = MOST_SUCTION_S if setup.program is None else setup.program.duration_s
             self.journal.require_room(duration_s, rate)
         if setup.program is not None and not self.read_only:
-            self.probe.load(wire_segments(setup.program), rate)
+            try:
+                self.probe.load(wire_segments(setup.program), rate)
+            except LimitError as error:
+                raise InputError(str(error)) from None
         if self.journal is not None:
             self.journal.plan(self._clock(), setup_to_json(setup))
         self._planned.append(Planned(setup))

@@ -341,6 +341,14 @@ def test_wrong_arguments_are_refused_before_the_port_is_opened(
     assert {p.name for p in tmp_path.iterdir()} == {"mine.toml", "other.toml", "taken"}
 
 
+def test_what_the_instrument_cannot_do_is_bad_input(tmp_path, capsys):
+    """It was told as a probe that failed: 4."""
+    out = ["--out", tmp_path / "s.h5"]
+    done = call(capsys, "measure", "--port", "sim://", *SKIN, *RAMP, "--rate-hz", "5000", *out)
+    assert (done[0], "outside 1 to 1000 Hz" in done[2]) == (3, True), done
+    assert not list(tmp_path.iterdir())
+
+
 def test_a_terminal_that_can_show_no_screen_is_a_sentence(monkeypatch, capsys):
     """The screen stayed half empty, and heard neither v nor Ctrl+C."""
     monkeypatch.delenv("TEXTUAL_DRIVER", raising=False)
