@@ -108,13 +108,17 @@ def build(
 
 def _spec(said: str) -> Spec:
     """Return the spec of `--spec`, and tell what it is."""
+    from skinlab.errors import InputError
     from skinlab.tables.dimensionless_spec import DimensionlessSpec
     from skinlab.tables.grid_spec import GridSpec
     from skinlab.tables.spec_file import read_spec
+    from skinlab.text import did_you_mean
 
     shipped: dict[str, Callable[[], Spec]] = {"paper": GridSpec, "dimensionless": DimensionlessSpec}
     if said in shipped:
         return shipped[said]()
+    if not Path(said).exists() and (near := did_you_mean(said, shipped)):
+        raise InputError(f"{said}: no such file{near}")
     spec = read_spec(said)
     echo(f"skinlab: {spec.summary}", err=True)
     return spec
