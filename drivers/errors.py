@@ -25,6 +25,10 @@ class LocalProtocolError(ProtocolError):
     """We asked for what is not allowed in this state or beyond a limit; nothing was sent."""
 
 
+class LimitError(LocalProtocolError):
+    """What is to be loaded makes no sense, or is beyond a limit: another program would be taken."""
+
+
 class RemoteProtocolError(ProtocolError):
     """The instrument said what the protocol does not allow."""
 

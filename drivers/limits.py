@@ -9,7 +9,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from drivers.errors import LocalProtocolError
+from drivers.errors import LimitError
 from drivers.events import Abilities, Hello, Load, Segment, SegmentKind
 
 CEILING_PRESSURE_MBAR = 500.0
@@ -94,7 +94,7 @@ def program_bounds(segments: Sequence[Segment]) -> Bounds:
     As if no height were ever reached, or at once, whichever pulls longer.
 
     A pause is a release, or a rest of at least MIN_PAUSE_S; a ramp to zero is none.
-    Raises LocalProtocolError for a segment that makes no sense.
+    Raises LimitError for a segment that makes no sense.
     """
     least = target = highest = suction = longest = 0.0  # `least` below `target` behind an until
     for index, segment in enumerate(segments):
@@ -104,7 +104,7 @@ def program_bounds(segments: Sequence[Segment]) -> Bounds:
             least = target = segment.target_mbar
         elif segment.kind is SegmentKind.UNTIL:
             if segment.target_mbar < target:
-                raise LocalProtocolError(
+                raise LimitError(
                     f"segment {index} (until): at most {segment.target_mbar:g} mbar, which is "
                     f"below the {target:g} mbar before it"
                 )
@@ -129,14 +129,14 @@ def longest_way_mbar(ramp: Segment, least_mbar: float, most_mbar: float) -> floa
 def check_load(
     load: Load, limits: Limits, hello: Hello, abilities: Abilities = NO_ABILITIES
 ) -> None:
-    """Raise LocalProtocolError where `load` exceeds a limit; the message names what, and which."""
+    """Raise LimitError where `load` exceeds a limit; the message names what, and which."""
     if not load.segments:
-        raise LocalProtocolError("the program is empty")
+        raise LimitError("the program is empty")
     heights = [s.height_mm for s in load.segments if s.kind is SegmentKind.UNTIL]
     if heights and not abilities.until:
-        raise LocalProtocolError(f"{hello.model} {CANNOT_UNTIL}")
+        raise LimitError(f"{hello.model} {CANNOT_UNTIL}")
     if heights and hello.aperture_mm is not None and max(heights) > hello.aperture_mm:
-        raise LocalProtocolError(
+        raise LimitError(
             f"a height of {max(heights):g} mm is above the opening of {hello.aperture_mm:g} mm"
         )
     needs = program_bounds(load.segments)
@@ -147,7 +147,7 @@ def check_load(
         ("maximum pressure", load.max_pressure_mbar),
     ):
         if not 0 <= value <= max_pressure:
-            raise LocalProtocolError(
+            raise LimitError(
                 f"{what} {value:g} mbar is outside 0 to {max_pressure:g} mbar ({whose_pressure})"
             )
     for what, value in (
@@ -155,21 +155,21 @@ def check_load(
         ("maximum suction time", load.max_suction_s),
     ):
         if not 0 <= value <= max_suction + _TIME_SLACK_S:
-            raise LocalProtocolError(
+            raise LimitError(
                 f"{what} of {value:g} s is outside 0 to {max_suction:g} s ({whose_suction})"
             )
     if not hello.min_rate_hz <= load.rate_hz <= hello.max_rate_hz:
-        raise LocalProtocolError(
+        raise LimitError(
             f"sample rate {load.rate_hz:g} Hz is outside {hello.min_rate_hz:g} to "
             f"{hello.max_rate_hz:g} Hz (limit of the instrument)"
         )
     if needs.max_pressure_mbar > load.max_pressure_mbar:
-        raise LocalProtocolError(
+        raise LimitError(
             f"highest target {needs.max_pressure_mbar:g} mbar is above the program's own maximum "
             f"pressure {load.max_pressure_mbar:g} mbar"
         )
     if needs.max_suction_s > load.max_suction_s + _TIME_SLACK_S:
-        raise LocalProtocolError(
+        raise LimitError(
             f"suction without a pause of {needs.max_suction_s:g} s is above the program's own "
             f"maximum {load.max_suction_s:g} s"
         )
@@ -193,16 +193,16 @@ def _check_segment(index: int, segment: Segment) -> None:
     for name in ("target_mbar", "rate_mbar_per_s", "duration_s", "height_mm"):
         value = getattr(segment, name)
         if not (math.isfinite(value) and value >= 0):
-            raise LocalProtocolError(
+            raise LimitError(
                 f"segment {index} ({kind}): {name} must be finite and not negative, not {value}"
             )
         if value and name not in used:
-            raise LocalProtocolError(f"segment {index} ({kind}): {name} must be 0, not {value:g}")
+            raise LimitError(f"segment {index} ({kind}): {name} must be 0, not {value:g}")
     rises = kind in {SegmentKind.RAMP, SegmentKind.UNTIL}
     if kind is SegmentKind.UNTIL and not segment.height_mm > 0:
-        raise LocalProtocolError(f"segment {index} (until): height_mm must be positive")
+        raise LimitError(f"segment {index} (until): height_mm must be positive")
     if rises and not 0 < segment.rate_mbar_per_s <= MAX_RAMP_MBAR_PER_S:
-        raise LocalProtocolError(
+        raise LimitError(
             f"segment {index} ({kind}): rate {segment.rate_mbar_per_s:g} mbar/s is outside 0 "
             f"(excluded) to {MAX_RAMP_MBAR_PER_S:g} mbar/s"
         )

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from drivers.capture import Chunk, Side
-from drivers.errors import LinkError
+from drivers.errors import LinkError, PortUrlError
 from drivers.link import Link, open_link
 from drivers.near_end import Pty, Tcp
 from drivers.numbers import whole_in
@@ -50,7 +50,7 @@ def open_software_side(where: str, framing: str = "8N1") -> tuple[str, Link]:
     """Make the place to which the software connects, and say what to give it.
 
     where: `pty`, `tcp`, `tcp:PORT` (of this computer), or a serial port, such as one end of a pair
-    of virtual ones. Raises LinkError.
+    of virtual ones. Raises LinkError; PortUrlError where it is no such place.
     """
     try:
         if where == "pty":
@@ -59,6 +59,7 @@ def open_software_side(where: str, framing: str = "8N1") -> tuple[str, Link]:
         if where == "tcp" or where.startswith("tcp:"):
             tcp = Tcp(whole_in(where.partition(":")[2] or "0"))
             return tcp.url, tcp
-    except (OSError, ValueError) as error:
-        raise LinkError(f"cannot open {where} for the software: {error}") from None
+    except (OSError, ValueError, OverflowError) as error:  # of a port above 65535
+        kind = LinkError if isinstance(error, OSError) else PortUrlError
+        raise kind(f"cannot open {where} for the software: {error}") from None
     return where, open_link(where, framing)

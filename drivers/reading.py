@@ -30,7 +30,7 @@ def read_whole(path: str | Path, most_bytes: int = MOST_BYTES) -> bytes:
         if stat.S_ISFIFO(kind):
             begun = _begun(number)
         elif not stat.S_ISREG(kind):
-            raise OSError(errno.EINVAL, "a device, and no file")
+            raise OSError(errno.EINVAL, "a device; expected a file")
         huge = stat.S_ISREG(kind) and state.st_size > most_bytes
         data = b"" if huge else begun + file.read(most_bytes + 1)
     if huge or len(data) > most_bytes:
@@ -71,7 +71,8 @@ def require_file(path: str | Path) -> None:
     except FileNotFoundError:
         return  # whoever opens it says so
     if not stat.S_ISREG(kind):
-        raise OSError(errno.EINVAL, "a folder, device or pipe, and no file")
+        found = "folder" if stat.S_ISDIR(kind) else "pipe" if stat.S_ISFIFO(kind) else "device"
+        raise OSError(errno.EINVAL, f"a {found}; expected a file")
 
 
 def _check_name(path: str | Path) -> None:

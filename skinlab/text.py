@@ -19,6 +19,8 @@ _UNSEEN = frozenset({"Cc", "Cf", "Cs", "Zl", "Zp"})
 _BLANK = re.compile(
     "[\u034f\u115f\u1160\u17b4\u17b5\u180b-\u180f\u3164\ufe00-\ufe0f\uffa0\U000e0100-\U000e01ef]"
 )
+# In JSON: half a character of two, which strict readers refuse; not behind another backslash
+_HALF = re.compile(r"\\\\|\\ud[89ab]..\\ud[c-f]..|\\u(?P<code>d[89a-f]..)")
 _FORMULA = ("=", "+", "-", "@", "＝", "＋", "－", "＠")
 # Where a comma is for decimals, spreadsheets begin another cell here
 _NEXT_CELL = re.compile(f"(;\\s*)(?=[{re.escape(''.join(_FORMULA))}])")
@@ -93,14 +95,17 @@ def counted(count: int, noun: str) -> str:
 
 
 def json_text(document: Any) -> str:
-    """Return a document as JSON of ASCII characters, none of which a terminal obeys.
+    r"""Return a document as JSON of ASCII characters, none of which a terminal obeys.
+
+    A byte of a file name that is no UTF-8 is `\xfc` in it, as in messages: JSON has no such text.
 
     Raises:
         ValueError: a number in it is not finite.
     """
     import json  # slow to import, as difflib
 
-    return json.dumps(document, indent=1, allow_nan=False).replace("\x7f", "\\u007f")
+    text = json.dumps(document, indent=1, allow_nan=False).replace("\x7f", "\\u007f")
+    return _HALF.sub(lambda m: "\\" + _symbol(int(m["code"], 16)) if m["code"] else m[0], text)
 
 
 def csv_cell(value: Any) -> Any:

@@ -19,7 +19,7 @@ from skinlab.discrepancy.model_identifier import with_model
 from skinlab.errors import InputError
 from skinlab.inference.custom_table import with_custom_table
 from skinlab.inference.identify import Identifier
-from skinlab.inference.methods import get_method
+from skinlab.inference.methods import METHODS, get_method
 from skinlab.inference.population import decode_prior, with_prior
 from skinlab.inference.problem import Options, check
 from skinlab.inference.result import Identification
@@ -112,7 +112,8 @@ def _identifier_of(session: Session, database_path: Path | None) -> tuple[Identi
             tolerance_um=said.tolerance_um,
         ).having(**_own(said, settings))
         check(options)
-        method.check(options)
+        with METHODS.at_work(method.name):
+            method.check(options)
     except ValueError as error:  # InputError is one
         raise _damaged(error) from None
     stated = said.database_hash

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from drivers.dialect import Dialect
-from drivers.dialects import split_dialect
+from drivers.dialects import split_dialect, stream_of
 from drivers.dose import Dose, program_dose
 from drivers.limits import DEFAULT_DOSE_MBAR_S
 from drivers.probe import DEFAULT_LIMITS, Probe
@@ -17,7 +17,7 @@ from skinlab.acquisition.measure import measure
 from skinlab.acquisition.measurement_messages import Plan
 from skinlab.acquisition.pipeline import Listener, Pipeline
 from skinlab.acquisition.shutdown import HeldInterrupt
-from skinlab.acquisition.sources import LiveSource, wire_segments
+from skinlab.acquisition.sources import LiveSource, check_opening, wire_segments
 from skinlab.curves.curve import Setup
 from skinlab.curves.program import Program
 from skinlab.errors import AcquisitionError, InputError
@@ -84,6 +84,11 @@ def run_session(
     """
     make_probe = probes(dose_limit_mbar_s)
     check_dose(plan, dose_limit_mbar_s)
+    known = identifier.sensor.probe
+    if known is not None:
+        known.check_use(plan.setup.aperture_mm, datetime.now(UTC))
+    if not dialect.capabilities.controllable:
+        check_opening(plan.setup, stream_of(dialect).aperture_mm)
     ready()
     recording = Recording(out, identifier, subject=subject, site=site, url=port, dialect=dialect)
     for what, detail in trail:
@@ -93,7 +98,6 @@ def run_session(
         with make_probe(port, dialect=dialect, on_bytes=recording.journal.raw) as probe:
             hello = probe.open()
             opened(hello)
-            known = identifier.sensor.probe
             if known is not None:
                 now = datetime.now(UTC)
                 known.check_instrument(hello.serial_number, hello.aperture_mm, now)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import json
 from collections.abc import Collection, Mapping
 from pathlib import Path
 
@@ -13,7 +14,6 @@ from skinlab.acquisition.measurement_request import DEFAULTS, complaint
 from skinlab.errors import InputError
 from skinlab.io.documents import read_json
 from skinlab.io.files import write_file
-from skinlab.text import json_text
 
 # What is left over would label the next person; the thickness is of a person's skin as well.
 _OF_A_PERSON = frozenset({"subject", "site", "cycle", "thickness_mm", "thickness_sd_mm"})
@@ -63,4 +63,4 @@ def _keep(path: Path | None, new: Mapping[str, str]) -> None:
         return
     kept = {n: text for n, text in _said(path).items() if isinstance(text, str)}
     with contextlib.suppress(InputError):
-        write_file(path, json_text({**kept, **new}), replace=True)
+        write_file(path, json.dumps({**kept, **new}, indent=1), replace=True)

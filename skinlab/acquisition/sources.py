@@ -6,6 +6,7 @@ import time
 from collections import deque
 from collections.abc import Callable, Iterator
 
+from drivers.errors import LimitError
 from drivers.events import Segment, SegmentKind
 from drivers.limits import CANNOT_UNTIL
 from drivers.probe import Probe
@@ -45,6 +46,16 @@ def wire_segments(program: Program) -> tuple[Segment, ...]:
     return tuple(segments)
 
 
+def check_opening(setup: Setup, opening_mm: float | None) -> None:
+    """Refuse what is planned for another opening than the probe says that it has.
+
+    Raises:
+        InputError: so.
+    """
+    if opening_mm is not None and abs(opening_mm - setup.aperture_mm) > 1e-6:
+        raise InputError(f"aperture_mm {setup.aperture_mm:g}: the probe has {opening_mm:g} mm")
+
+
 class LiveSource:
     """A probe, and the plans for it."""
 
@@ -69,8 +80,8 @@ class LiveSource:
         """Plan a run and make the probe ready for it; `rate_hz` None: the instrument's usual one.
 
         Raises:
-            InputError: the setup has no program, or not this probe's aperture; or the disk has no
-                room for the record.
+            InputError: the setup has no program, or not this probe's aperture, or is beyond its
+                limits; or the disk has no room for the record.
             DriverError: the probe refused, or its link failed.
 
         What only streams is not made ready: it is noted what the next curve belongs to.
@@ -78,11 +89,7 @@ class LiveSource:
         hello = self.probe.hello
         if setup.program is None and not self.read_only:
             raise InputError("a measurement needs a program")
-        opening_mm = None if hello is None else hello.aperture_mm
-        if opening_mm is not None and abs(opening_mm - setup.aperture_mm) > 1e-6:
-            raise InputError(
-                f"aperture_mm {setup.aperture_mm:g}: the connected probe has {opening_mm:g} mm"
-            )
+        check_opening(setup, None if hello is None else hello.aperture_mm)
         if setup.program is not None and setup.program.stops_at_heights:
             self._check_heights(setup.program)
         rate = rate_hz if rate_hz is not None else hello.default_rate_hz if hello else 20.0
@@ -90,7 +97,10 @@ class LiveSource:
             duration_s = MOST_SUCTION_S if setup.program is None else setup.program.duration_s
             self.journal.require_room(duration_s, rate)
         if setup.program is not None and not self.read_only:
-            self.probe.load(wire_segments(setup.program), rate)
+            try:
+                self.probe.load(wire_segments(setup.program), rate)
+            except LimitError as error:
+                raise InputError(str(error)) from None
         if self.journal is not None:
             self.journal.plan(self._clock(), setup_to_json(setup))
         self._planned.append(Planned(setup))

@@ -5,15 +5,16 @@ from __future__ import annotations
 import functools
 import inspect
 import os
+import re
 import types
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from numbers import Integral, Real
 from typing import Any, Literal, ParamSpec, TypeVar, Union, get_args, get_origin, get_type_hints
 
 import numpy as np
 
 from skinlab.curves import curve as curves
-from skinlab.errors import InputError
+from skinlab.errors import InputError, SkinlabError
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -28,6 +29,7 @@ _WORDS: dict[object, str] = {
     type(None): "None",
 }
 _LISTS = (Sequence, list, tuple)
+_OPTION = re.compile(r"`[^`]*`|“[^”]*”|--(?P<option>[a-z]+(?:-[a-z0-9]+)*)")
 _LONGEST = 60  # of a value that is shown
 _MOST_WORKERS = 1024
 _AS_NUMPY_COMES: dict[str, Any] = {
@@ -56,8 +58,12 @@ def checked(function: Callable[P, R]) -> Callable[P, R]:
                 continue
             if not _fits(value, hints[name]):
                 raise InputError(f"{name} {_short(value)}: expected {_words(hints[name])}")
-        with np.errstate(**_AS_NUMPY_COMES):  # and not as the caller's program has it
-            return function(*args, **kwargs)
+        try:
+            with np.errstate(**_AS_NUMPY_COMES):  # and not as the caller's program has it
+                return function(*args, **kwargs)
+        except SkinlabError as error:
+            error.args = (_as_arguments(str(error), signature.parameters),)
+            raise
 
     return call
 
@@ -75,6 +81,21 @@ def check_workers(workers: int | None) -> None:
     """
     if workers is not None and not 1 <= workers <= _MOST_WORKERS:
         raise InputError(f"workers {workers}: expected 1–{_MOST_WORKERS}")
+
+
+def _as_arguments(sentence: str, known: Mapping[str, inspect.Parameter]) -> str:
+    """Name the function's arguments as its caller writes them: `out`, where a sentence has --out.
+
+    What is a command, in quotes, stays one.
+    """
+
+    def written(found: re.Match[str]) -> str:
+        name = found["option"] and found["option"].replace("-", "_")
+        if name not in known:
+            return found[0]
+        return f"{name}=True" if known[name].default is False else name
+
+    return _OPTION.sub(written, sentence)
 
 
 @functools.cache

@@ -62,12 +62,14 @@ def settle_options(
             raise InputError(f"{name} {whose}; {method} does not read it")
         if declared[name].instead_of == "samples" and samples is not None:
             raise InputError(f"{name} gives the number of samples; leave samples out")
-        said[name] = declared[name].checked(value)
+        with METHODS.at_work(method):
+            said[name] = declared[name].checked(value)
     if samples is not None:
         options = replace(options, samples=samples)
     options = options.having(**said)
-    chosen.check(options)
-    options = chosen.settle(options)
+    with METHODS.at_work(method):
+        chosen.check(options)
+        options = chosen.settle(options)
     check(options)
     return options
 

@@ -88,7 +88,8 @@ def command(
             "--check has phantom, opening and days in the probe file; leave --phantoms, "
             "--aperture-mm and --valid-days out"
         )
-    choose_dialect(port, dialect)
+    if not choose_dialect(port, dialect)[1].capabilities.controllable:
+        raise click.UsageError("a calibration needs a probe that runs programs")
     make_probe = partial(probes(None, dialect))
     ask = (lambda phantom: None) if simulated else _ask
     if checked is not None:
@@ -223,6 +224,7 @@ def _check(
     stored = known.file.check
     if stored is None:
         raise InputError(f"{path}: has no check curve; calibrate with a silicone phantom")
+    known.check_use(None, datetime.now(UTC))
     ask(stored.phantom)
 
     def check(hello: Hello) -> None:

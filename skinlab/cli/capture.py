@@ -59,6 +59,7 @@ def command(
     from drivers.probe import choose_dialect
     from skinlab.acquisition.shutdown import HeldInterrupt
     from skinlab.errors import InputError
+    from skinlab.io.files import cannot_write, check_can_write, make_folder
 
     name = split_dialect(port)[1] or dialect
     address, speaks = choose_dialect(port, dialect)
@@ -74,13 +75,16 @@ def command(
         raise InputError(f"{out}: exists already; a capture is never overwritten")
     if seconds is not None and math.isnan(seconds):
         raise InputError("seconds nan: expected 0 or more")
+    with cannot_write(out):
+        make_folder(out.parent)
+    check_can_write(out)
     with ExitStack() as stack:
-        instrument = open_link(address, framing)
-        stack.callback(instrument.close)
         software: Link | None = None
         if through is not None:
             url, software = open_software_side(through, framing)
             stack.callback(software.close)
+        instrument = open_link(address, framing)  # last: nothing is wrong with the arguments
+        stack.callback(instrument.close)
         writer = stack.enter_context(CaptureWriter(out, facts))
         if through is not None:
             echo(url)

@@ -40,7 +40,15 @@ def command() -> None:
 @workers_option()
 @click.option("--dask", metavar="ADDRESS", help="Compute on the cluster of this dask scheduler.")
 @click.option("--resume", is_flag=True, help="Go on with a build that was interrupted or killed.")
-def build(spec: str, out: Path | None, workers: int | None, dask: str | None, resume: bool) -> int:
+@click.option("--force", is_flag=True, help="Let --out replace a file.")
+def build(
+    spec: str,
+    out: Path | None,
+    workers: int | None,
+    dask: str | None,
+    resume: bool,
+    force: bool,
+) -> int:
     """Compute a database with the finite elements.
 
     paper: the paper's grid, 10 × 17 × 8 curves, 0 to 100 mbar in steps of 2, 6 mm opening on
@@ -67,6 +75,8 @@ def build(spec: str, out: Path | None, workers: int | None, dask: str | None, re
         raise InputError(f"{out}: its folder does not exist")
     if (out.exists() and not out.is_file()) or real_path(out) == real_path(Path(spec)):
         raise InputError(f"{out}: expected the name of a file to write")
+    if out.exists() and not force:
+        raise InputError(f"{out}: exists already; --force replaces it")
     what = _spec(spec)
     entries = what.entries
     kept = out.with_name(f"{out.name}.rows")
@@ -98,13 +108,17 @@ def build(spec: str, out: Path | None, workers: int | None, dask: str | None, re
 
 def _spec(said: str) -> Spec:
     """Return the spec of `--spec`, and tell what it is."""
+    from skinlab.errors import InputError
     from skinlab.tables.dimensionless_spec import DimensionlessSpec
     from skinlab.tables.grid_spec import GridSpec
     from skinlab.tables.spec_file import read_spec
+    from skinlab.text import did_you_mean
 
     shipped: dict[str, Callable[[], Spec]] = {"paper": GridSpec, "dimensionless": DimensionlessSpec}
     if said in shipped:
         return shipped[said]()
+    if not Path(said).exists() and (near := did_you_mean(said, shipped)):
+        raise InputError(f"{said}: no such file{near}")
     spec = read_spec(said)
     echo(f"skinlab: {spec.summary}", err=True)
     return spec

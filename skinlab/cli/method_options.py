@@ -70,7 +70,7 @@ def parsed(method: str, samples: int | None, given: dict[str, Any]) -> dict[str,
     Raises:
         click.UsageError: the method does not read one of them, or N is given twice.
     """
-    from skinlab.inference.methods import get_method
+    from skinlab.inference.methods import METHODS, get_method
     from skinlab.inference.problem import Options
 
     chosen = get_method(method)
@@ -92,6 +92,8 @@ def parsed(method: str, samples: int | None, given: dict[str, Any]) -> dict[str,
         except ValueError as error:
             raise click.BadParameter(str(error), param_hint=flag) from None
     if samples is not None:
-        for remark in chosen.remarks(Options(samples=samples).having(**said)):
+        with METHODS.at_work(method):
+            remarks = chosen.remarks(Options(samples=samples).having(**said))
+        for remark in remarks:
             echo(f"skinlab: {remark}", err=True)
     return said

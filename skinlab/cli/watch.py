@@ -85,7 +85,7 @@ def command(
     if not 0.1 <= settle_s <= 3600:
         raise InputError(f"settle_s {settle_s:g}: expected 0.1-3600 s")
     if not folder.is_dir():
-        raise InputError(f"{folder}: no such folder")
+        raise InputError(f"{folder}: {'no folder' if folder.exists() else 'no such folder'}")
     setup = Setup(
         aperture_mm,
         thickness_mm,

@@ -74,8 +74,9 @@ class Setup:
             raise InputError(
                 f"thickness_sd_mm {self.thickness_sd_mm:g}: expected 0 to the thickness itself"
             )
-        if self.cycle < 1 or self.repeat < 1:
-            raise InputError("cycle and repeat count from 1")
+        for name in ("cycle", "repeat"):
+            if getattr(self, name) < 1:
+                raise InputError(f"{name} {getattr(self, name)}: expected 1 or more")
 
 
 @dataclass(frozen=True, eq=False)

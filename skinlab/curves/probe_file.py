@@ -199,9 +199,18 @@ class ProbeErrors:
                 f"the probe file is of serial number {file.serial_number!r}; connected is "
                 f"{serial_number!r}"
             )
+        self.check_use(aperture_mm, when)
+
+    def check_use(self, aperture_mm: float | None, when: datetime) -> None:
+        """Refuse another opening, or a calibration that is over: no probe need be there.
+
+        Raises:
+            InputError: so.
+        """
+        file = self.file
         if aperture_mm is not None and abs(aperture_mm - file.aperture_mm) > 1e-6:
             raise InputError(
-                f"the probe file is of an opening of {file.aperture_mm:g} mm; connected is "
+                f"the probe file is of an opening of {file.aperture_mm:g} mm, and not of "
                 f"{aperture_mm:g} mm"
             )
         if when.astimezone(UTC) > file.valid_until.astimezone(UTC):

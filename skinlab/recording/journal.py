@@ -21,9 +21,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from drivers.reading import require_file
 from skinlab.errors import InputError
 from skinlab.io.documents import read_json
-from skinlab.io.files import make_folder, private
+from skinlab.io.files import cannot_read, make_folder, private
 from skinlab.io.sqlite import check_only_tables
 from skinlab.recording import audit
 from skinlab.recording.records import Kind, Record
@@ -431,9 +432,9 @@ def read_journal(path: Path) -> Read:
     Raises:
         InputError: no such file, or no journal.
     """
-    if path.is_dir():
-        raise InputError(f"{path}: is a folder; expected the journal of one measurement")
-    if not path.is_file():
+    with cannot_read(path):
+        require_file(path)
+    if not path.exists():
         raise InputError(f"{path}: no such file")
     skipped: list[str] = []
     behind = path.with_name(f"{path.name}-wal")  # where all is until sqlite moves it over

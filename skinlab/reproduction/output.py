@@ -11,7 +11,7 @@ from pathlib import Path
 
 from skinlab.errors import InputError
 from skinlab.io.documents import read_json
-from skinlab.io.files import write_file
+from skinlab.io.files import check_can_write, write_file
 from skinlab.reproduction.page import page
 from skinlab.reproduction.part import Part, Table
 from skinlab.reproduction.study import Study
@@ -40,11 +40,13 @@ class Target:
             raise InputError(f"{page_path}: its folder does not exist")
 
     def check(self, parts: Sequence[str]) -> None:
-        """Refuse if a file that these parts may become is in the way.
+        """Refuse if a file that these parts may become is in the way, or cannot be written.
 
         Raises:
             InputError: see the class.
         """
+        for path in (self.folder / "times.csv", self.page_path):
+            check_can_write(path)
         names = [f"{part}.{kind}" for part in parts for kind in ("csv", "png")]
         for path in (*(self.folder / name for name in (*names, "times.csv")), self.page_path):
             if path.exists() and self._ours.get(self._key(path)) != _hash(path.read_bytes()):

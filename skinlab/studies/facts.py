@@ -77,7 +77,7 @@ def setup_of(facts: Mapping[str, Any]) -> Setup:
     if missing:
         raise InputError(
             f"nothing says its {' and '.join(missing)}: expected a table with the columns file, "
-            "aperture_mm and thickness_mm, or the options --aperture-mm and --thickness-mm"
+            "aperture_mm and thickness_mm, or both stated for all curves"
         )
     program = facts.get("program")
     return Setup(

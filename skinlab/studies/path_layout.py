@@ -35,12 +35,12 @@ class PathLayout:
         for name in names:
             if name not in _KNOWN and name != _ANY:
                 raise InputError(
-                    f"--layout {text}: {{{name}}} is unknown; expected one of "
+                    f"layout {text}: {{{name}}} is unknown; expected one of "
                     f"{', '.join('{' + k + '}' for k in _KNOWN)} and {{{_ANY}}}"
                 )
         stated = [name for name in names if name != _ANY]
         if not stated or len(set(stated)) < len(stated):
-            raise InputError(f"--layout {text}: expected each name once, at least one")
+            raise InputError(f"layout {text}: expected each name once, at least one")
         return cls(text, _pattern(text, longest=False), _pattern(text, longest=True))
 
     def facts(self, stem: str) -> Facts:
@@ -51,11 +51,11 @@ class PathLayout:
         """
         match, other = self.shortest.fullmatch(stem), self.longest.fullmatch(stem)
         if match is None or other is None:
-            raise InputError(f"does not fit --layout {self.text}{self._hint(stem)}")
+            raise InputError(f"does not fit layout {self.text}{self._hint(stem)}")
         for name, value in match.groupdict().items():
             if other[name] != value:
                 raise InputError(
-                    f"fits --layout {self.text} in two ways: {name} may be {value!r} or "
+                    f"fits layout {self.text} in two ways: {name} may be {value!r} or "
                     f"{other[name]!r}; expected a separator that is in no name, or a folder each"
                 )
         return {name: value for name, value in match.groupdict().items() if value}

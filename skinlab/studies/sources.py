@@ -26,6 +26,7 @@ from typing import Any
 from drivers.reading import read_whole
 from skinlab.errors import InputError
 from skinlab.exchange.importing.folder import SUFFIXES
+from skinlab.exchange.importing.headings import read_heading
 from skinlab.io.documents import read_toml
 from skinlab.io.files import cannot_read, file_hash, real_path
 from skinlab.mechanics.names import parameter_of
@@ -276,7 +277,7 @@ def read_table(path: Path) -> Table | None:
     columns = tuple(_column(c.strip().strip('"')) for c in first.split(sign))
     if "file" not in columns and "subject" not in columns:
         return None
-    if "time_s" in columns:
+    if _of_samples(columns):
         return None
     try:
         text = read_whole(path).decode("utf-8-sig")
@@ -302,6 +303,12 @@ def read_table(path: Path) -> Table | None:
             cells |= {c: cells[c].replace(",", ".") for c in numbers}
         rows.append((line, cells))
     return Table(path, columns, rows)
+
+
+def _of_samples(columns: Sequence[str]) -> bool:
+    """Return whether columns are those of a curve, which may say whose it is in one more."""
+    told = {read_heading(c).role for c in columns if c not in _MEANT and not _is_ours(c)}
+    return "time_s" in columns or told >= {"time", "pressure"} or told >= {"time", "deflection"}
 
 
 def _column(text: str) -> str:

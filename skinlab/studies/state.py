@@ -158,6 +158,8 @@ class State:
             raise self._damaged(error) from None
 
     def _damaged(self, why: object) -> InputError:
+        if getattr(why, "sqlite_errorcode", None) == sqlite3.SQLITE_FULL:
+            return InputError(f"{self.path}: cannot be written ({why}); make room, run it again")
         return InputError(f"{self.path}: damaged ({why}); remove it to begin anew")
 
     def _as(self, kind: type[Kind], said: Any) -> Kind:

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skinlab.errors import InputError
-from skinlab.io.files import private
+from skinlab.io.files import cannot_write, private
 
 Array = NDArray[np.float64]
 
@@ -53,14 +53,18 @@ class KeptRows:
                     f"{path}: rows of a build that did not end; --resume goes on with them, or "
                     "remove the file"
                 )
+            # Not buffered: the system has each row, and a kill of this process takes nothing
             self._file: BinaryIO = open(  # noqa: SIM115 -- until the build ends
-                path, "r+b" if there else "w+b", opener=private
+                path, "r+b" if there else "w+b", buffering=0, opener=private
             )
         except OSError as error:
             raise InputError(f"{path}: {error.strerror or error}") from None
         if not there:
-            self._file.write(self._head)
-            self._file.flush()
+            try:
+                self._file.write(self._head)
+            except OSError as error:
+                self._file.close()
+                raise InputError(f"{path}: cannot be written ({error.strerror})") from None
             return
         if self._file.readline() != self._head:
             self._file.close()
@@ -84,10 +88,14 @@ class KeptRows:
         self._file.seek(end)
 
     def add(self, entry: int, row: Array) -> None:
-        """Append a row (width,)."""
+        """Append a row (width,).
+
+        Raises:
+            InputError: it cannot be written.
+        """
         body = struct.pack("<q", entry) + np.asarray(row, dtype="<f8").tobytes()
-        self._file.write(body + _digest(body))
-        self._file.flush()  # the system has it then, and a kill of this process takes nothing
+        with cannot_write(self._path):
+            self._file.write(body + _digest(body))
 
     def __enter__(self) -> KeptRows:
         return self

@@ -448,7 +448,9 @@ class SkinlabApp(PartedApp):
     def action_vent(self) -> None:
         """Vent at once; close what is open over the main screen, and leave the fields."""
         self.bench.vent("operator")
-        if self.board.moving:
+        if self.board.playing is not None:
+            self.board.say(Level.INFO, "a replay: no probe is connected, and nothing is vented")
+        elif self.board.moving:
             self.board.say(Level.WARNING, "vent ordered")
         self._starting.forget()
         self.board.withdraw()
@@ -550,8 +552,10 @@ class SkinlabApp(PartedApp):
     def _ask_to_leave(self) -> None:
         if self._leaving or isinstance(self.screen, ConfirmScreen):
             return
-        saved = "the session is saved" if self.board.visit and not self.board.playing else ""
-        what = ", ".join(t for t in ("The probe vents", saved, "the program ends.") if t)
+        saved = "the session is saved, " if self.board.visit else ""
+        what = f"The probe vents, {saved}the program ends."
+        if self.board.playing is not None:
+            what = "The program ends."
         question = ConfirmScreen(self.board, self.guard, "Quit?", what)
         self.push_screen(question, self._may_leave)
 

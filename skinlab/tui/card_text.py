@@ -65,9 +65,11 @@ def verdict_text(board: Board) -> VerdictText:
         return VerdictText("Read what will happen", "F9 starts it, Esc leaves it")
     if live is not None:
         against = judge(None, live.findings, None, partial=False)
-        if against is not None:
-            return VerdictText(against.words, f"{against.advice}; v vents", against.use)
         how = "end it at the instrument" if board.read_only else "v vents"
+        if board.playing is not None:  # there is nothing to end
+            how = "Space pauses"
+        if against is not None:
+            return VerdictText(against.words, f"{against.advice}; {how}", against.use)
         return VerdictText(f"Measuring curve {live.index} …", how)
     left_s = board.rest_left_s
     if left_s is not None:

@@ -78,7 +78,7 @@ METHODS = """
 import sys
 import numpy as np
 from dataclasses import replace
-from skinlab.inference.methods.base import Method
+from skinlab.inference.methods.base import Method, Option
 from skinlab.inference.problem import Estimate
 def method(name, change):
     def search(problem, options, rng):
@@ -95,6 +95,7 @@ OUTSIDE = method("outside", lambda e: replace(e, parameters=e.parameters * 1e6))
 ERROR = method("error", lambda e: replace(e, error_um=np.nan))
 MINIMA = method("minima", lambda e: replace(e, minima=np.full((2, 3), np.nan)))
 COUNTS = method("counts", lambda e: replace(e, iterations=None))
+PICKY = replace(GOOD, name="picky", options=(Option("bad", 1, "b", accepts=lambda v: [v][v - 1]),))
 """
 OF_METHODS = {
     "nan": "ValueError: its parameters hold nan; expected finite numbers",
@@ -202,6 +203,13 @@ def test_a_method_that_has_no_answer_ends_no_measurement(tmp_path):
             e.startswith(f"plugin works, method {name!r}: broke down: {why}") for e in errors
         )
     assert again.returncode == 0, again.stderr
+
+
+def test_a_method_that_cannot_judge_its_option_is_named(tmp_path):
+    place = works(tmp_path, "methods", ["picky"], METHODS)
+    (told,) = place.each([*MEASURE, "--method", "picky", "--bad", "7", "--out", "s.h5"])
+    assert told.returncode == 3
+    assert told.stderr.startswith("skinlab: plugin works, method 'picky': broke down: IndexError: ")
 
 
 def test_what_a_plugin_prints_is_no_part_of_a_document(tmp_path):

@@ -305,7 +305,7 @@ def test_wrong_aperture(simulate, measure):
     host = measure(simulated.url)
     status, _, err = host.end()
     assert status == 3
-    assert "aperture_mm 6: the connected probe has 2 mm" in err
+    assert "aperture_mm 6: the probe has 2 mm" in err
     assert not [p for _, p, _ in simulated.rows() if p > 0]
 
 

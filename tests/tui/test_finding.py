@@ -20,6 +20,7 @@ from skinlab.recording.session import example_session, read_session, write_sessi
 from skinlab.recording.visit_index import NAME, visit_before, visits
 from skinlab.report.rounding import half_width_percent
 from skinlab.studies.change import Changed
+from skinlab.tui.card_text import verdict_text
 from skinlab.tui.choices import PROGRAMS, SITES, body_map, nearest_site
 from skinlab.tui.goal import ChangeDistance, ChangeGoal, Distance, Following, Goal
 from skinlab.tui.screens.help import HelpScreen
@@ -484,6 +485,18 @@ async def test_a_replay_goes_on_to_a_time(bedside):
         await bed.press("4", "enter")
         await bed.until(lambda: bed.board.playing.at_s > 3.5)
         assert not bed.board.playing.ended
+
+
+async def test_a_replay_says_of_no_vent_where_no_probe_is(bedside):
+    async with bedside(None, replay=example_session(), speed=0.01) as bed:
+        await bed.until(lambda: bed.board.live)
+        assert verdict_text(bed.board).following == "Space pauses"
+        await bed.press("v")
+        await bed.until(lambda: "nothing is vented" in bed.board.note)
+        await bed.press("q")
+        await bed.on(ConfirmScreen)
+        assert bed.text("#question-text") == "The program ends."
+        await bed.press("f8")
 
 
 async def click_time(bed, share):

@@ -335,7 +335,8 @@ async def test_a_replay_plays_pauses_steps_and_ends(bedside):
         await bed.until(lambda: board.phase == "ENDED")
         assert len(board.entries) == 2
         assert all(entry.result.parameters for entry in board.entries.values())
-        await bed.press("v")  # does no harm
+        await bed.press("v")
+        await bed.until(lambda: "nothing is vented" in board.note)
         await session_screen(bed)
         await bed.press("n")
         await bed.until(lambda: isinstance(bed.app.focused, Input))

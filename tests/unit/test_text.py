@@ -33,6 +33,13 @@ def test_documents_read_back_the_same_and_hold_nothing_that_acts(text):
         assert not {unicodedata.category(c) for c in written.replace("\n", "")} & UNSEEN
 
 
+def test_every_reader_of_json_can_read_a_name_that_is_no_utf_8():
+    """Half a character, as \\udcfc, is refused by strict readers."""
+    said = ["m\udcfcller.csv", "\ud800", "\\udcfc", "\\\udcfc", "\U0001f44d"]
+    read = json.loads(json_text(dict.fromkeys(said)))
+    assert list(read) == ["m\\xfcller.csv", "\\ud800", "\\udcfc", "\\\\xfc", "\U0001f44d"]
+
+
 def test_each_kind_has_its_sign():
     said = "a\x1b[31m\x07\t\x7f\x9b\u202e\u200b\u2028\udc9f\ud800é漢👍"
     assert inert(said) == ("a␛[31m␇␉␡\\x9b\\u202e\\u200b\\u2028\\x9f\\ud800é漢👍")

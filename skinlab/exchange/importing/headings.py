@@ -20,7 +20,7 @@ _WORDS: dict[Role, str] = {
     "weg verform hohe abheb eindring elevac hauteur deplac altezza spostam altura desplaz dome",
 }
 # Whole names of a pressure: a file may have it beside a program that is stated.
-_SYMBOLS = frozenset({"p", "sog", "vac"})
+_SYMBOLS = frozenset({"p", "p1", "pres", "psuc", "sog", "suc", "vac", "vak"})
 _BRACKETED = re.compile(r"(.*?)\s*[(\[{<]\s*([^()\[\]{}<>]*?)\s*[)\]}>]\s*\.?")
 _APPENDED = re.compile(r"(.*?)(?:\s*/\s*|\s*,\s*|\s+in\s+|_|\s+|\s*:\s*)([^\s/,:_]+)")
 # What is of a whole curve; lengths among them are no deflection.

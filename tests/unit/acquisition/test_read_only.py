@@ -151,7 +151,7 @@ def test_the_opening_that_a_dialect_names_has_to_be_that_of_the_setup(tmp_path):
                   open_link=Wire().open)  # fmt: skip
     with probe:
         assert probe.open().aperture_mm == 8.0
-        with pytest.raises(InputError, match="the connected probe has 8 mm"):
+        with pytest.raises(InputError, match="the probe has 8 mm"):
             LiveSource(probe).arm(Setup(6.0, 1.0))
 
 

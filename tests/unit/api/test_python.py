@@ -81,6 +81,13 @@ def test_a_study_says_what_it_needs(tmp_path):
         skinlab.study(tmp_path, out=tmp_path / "study", workers=0)
 
 
+def test_a_sentence_names_arguments_as_python_has_them(tmp_path):
+    with pytest.raises(skinlab.InputError, match=r"^layout {who}: {who} is unknown"):
+        skinlab.study(tmp_path, out=tmp_path / "study", layout="{who}")
+    with pytest.raises(skinlab.InputError, match="use direct=True, or a value inside"):
+        skinlab.forward(**{**SKIN, "X1_MPa": 0.0011}, **OPENING, program="ramp:20@20")
+
+
 def test_subjects_of_a_study_are_texts_in_its_frame(curve, tmp_path):
     """Read as numbers, 007 and 7 had been one person."""
     pytest.importorskip("pandas")
@@ -462,7 +469,7 @@ def test_an_interrupted_measurement_is_saved(tmp_path):
         ({"program": None}, "program: expected"),
         ({"repeats": 0}, "repeats 0"),
         ({"phases": "hold"}, "has no hold"),
-        ({"dose_limit_mbar_s": 1.0}, "dose"),
+        ({"dose_limit_mbar_s": 1.0}, "(dose_limit_mbar_s)"),
         ({"dialect": "klingon"}, "klingon"),
         ({"dialect": Path("none.toml")}, "none.toml"),
         ({"url": "gopher://probe"}, "gopher"),

@@ -138,6 +138,7 @@ def test_database_and_finite_elements_agree_between_nodes(capsys):
         ([*FORWARD, *RAMP, "--aperture-mm", "5"], 3, "no probe has this opening"),
         (["replay", "absent.h5"], 3, "absent.h5: no such file"),
         (["recover", "absent.journal"], 3, "absent.journal: no such file"),
+        (["recover", os.devnull], 3, "a device; expected a file"),
         (["recover", "absent.journal", "--out", "s"], 3, "s: expected a name that ends with .h5"),
         (["measure", "--port", "sim://", *SKIN, *RAMP, "--out", "s"], 3, "ends with .h5"),
         (["database", "info", "absent.h5"], 3, "absent.h5: no such file"),
@@ -300,6 +301,52 @@ def test_a_capture_of_nan_seconds_is_refused(tmp_path, capsys):
     assert run(["capture", "--port", "sim://", "--seconds", "nan", "--out", str(out)]) == 3
     assert "seconds nan" in capsys.readouterr().err
     assert not out.exists()
+
+
+@pytest.fixture
+def no_port(monkeypatch):
+    """Opening a port fails the test: nothing may be said to an instrument."""
+
+    def opened(*arguments, **named):
+        raise AssertionError(arguments)
+
+    monkeypatch.setattr("drivers.link.open_link", opened)
+    monkeypatch.setattr("drivers.probe.Probe.open", opened)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "status", "says"),
+    [
+        ("capture --port COM3 --through tcp:x --out c", 2, "cannot open tcp:x"),
+        ("capture --port COM3 --through tcp:70000 --out c", 2, "cannot open tcp:70000"),
+        ("capture --port COM3 --dialect other.toml --out c", 3, "aperture_mm is 5"),
+        ("capture --port COM3 --out taken/c", 3, "taken/c: cannot be written"),
+        ("measure --port COM3 --dialect mine.toml --aperture-mm 4 {} --out s.h5", 3, "has 6 mm"),
+        ("measure --port COM3 --dialect other.toml --aperture-mm 4 {} --out s.h5", 3, "is 5"),
+        ("calibrate --port COM3 --dialect mine.toml --phantoms k --out p.toml", 2, "runs programs"),
+    ],
+)
+def test_wrong_arguments_are_refused_before_the_port_is_opened(
+    arguments, status, says, tmp_path, monkeypatch, capsys, no_port
+):
+    monkeypatch.chdir(tmp_path)
+    text = (ROOT / "examples" / "dialects" / "plain_line.toml").read_text()
+    for name, opening in (("mine", 6), ("other", 5)):
+        stream = f"\n[stream]\naperture_mm = {opening}.0"
+        Path(f"{name}.toml").write_text(text.replace("\n[stream]", stream))
+    Path("taken").write_text("")
+    rest = "--thickness-mm 1 --program ramp:50@20"
+    found, _, err = call(capsys, *arguments.format(rest).split())
+    assert (found, says in err) == (status, True), err
+    assert {p.name for p in tmp_path.iterdir()} == {"mine.toml", "other.toml", "taken"}
+
+
+def test_what_the_instrument_cannot_do_is_bad_input(tmp_path, capsys):
+    """It was told as a probe that failed: 4."""
+    out = ["--out", tmp_path / "s.h5"]
+    done = call(capsys, "measure", "--port", "sim://", *SKIN, *RAMP, "--rate-hz", "5000", *out)
+    assert (done[0], "outside 1 to 1000 Hz" in done[2]) == (3, True), done
+    assert not list(tmp_path.iterdir())
 
 
 def test_a_terminal_that_can_show_no_screen_is_a_sentence(monkeypatch, capsys):

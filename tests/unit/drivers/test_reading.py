@@ -53,7 +53,7 @@ def test_a_command_that_computes_what_it_writes_is_waited_for(tmp_path, monkeypa
 def test_devices_and_folders_are_no_files(name):
     with pytest.raises(OSError, match=r"device|directory"):
         read_whole(name)
-    with pytest.raises(OSError, match="no file"):
+    with pytest.raises(OSError, match="expected a file"):
         require_file(name)
 
 

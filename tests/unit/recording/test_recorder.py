@@ -28,7 +28,7 @@ from skinlab.acquisition.replay import differences, identifier_of, replay
 from skinlab.acquisition.sources import LiveSource
 from skinlab.curves.curve import Setup
 from skinlab.curves.program import parse_program
-from skinlab.errors import AcquisitionError, InputError
+from skinlab.errors import InputError
 from skinlab.inference.identify import Identifier
 from skinlab.inference.problem import Options
 from skinlab.recording.assembler import CurveAssembler
@@ -239,16 +239,16 @@ def test_a_journal_that_cannot_be_written_says_so(tmp_path):
 def test_the_wrong_probe_is_refused_before_anything_moves(grid):
     with Probe("sim://?seed=1&speed=50&aperture_mm=2") as probe:
         probe.open()
-        with pytest.raises(InputError, match="the connected probe has 2 mm"):
+        with pytest.raises(InputError, match="the probe has 2 mm"):
             measure(LiveSource(probe), Plan(SETUP), Pipeline(Identifier(grid)))
         assert probe.state is InstrumentState.IDLE
 
 
-def test_a_refusal_is_an_acquisition_error(grid):
+def test_what_is_beyond_the_instruments_limits_is_bad_input(grid):
     setup = dataclasses.replace(SETUP, program=parse_program("ramp:100@20"))
     with Probe("sim://?seed=1&speed=50") as probe:
         probe.open()
-        with pytest.raises(AcquisitionError, match="Hz"):
+        with pytest.raises(InputError, match="Hz"):
             measure(LiveSource(probe), Plan(setup, rate_hz=5000), Pipeline(Identifier(grid)))
 
 

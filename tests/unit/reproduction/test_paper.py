@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import csv
+import errno
 import json
+import os
 import subprocess
 import sys
 from dataclasses import replace
@@ -212,6 +214,14 @@ class TestWhole:
         runs = tables.stochastic(replace(SMALL, seed=1), Blind(), 50, 1)
         first = tables.stochastic(SMALL, Blind(), 50, 1)
         assert not np.array_equal(runs[0]().parameters, first[0]().parameters)
+
+    def test_where_nothing_can_be_written_nothing_is_computed(self, tmp_path, monkeypatch):
+        def refuse(**_):
+            raise OSError(errno.EROFS, os.strerror(errno.EROFS))
+
+        monkeypatch.setattr("tempfile.TemporaryFile", refuse)
+        with pytest.raises(InputError, match=r"times\.csv: cannot be written"):
+            output.Target(tmp_path / "out").check(ORDER)
 
     @pytest.mark.long
     def test_files(self, small, tmp_path):

@@ -87,6 +87,20 @@ def test_what_nothing_is_open_in_is_read_and_all_else_is_listed_and_counted(curv
     assert prior["source"] == "out, 12 of 13 curves identified"
 
 
+@pytest.mark.parametrize("column", ["Subject", "File"])
+def test_samples_with_a_column_that_says_whose_they_are_are_a_curve(curve, column, tmp_path):
+    """They had been a table of people, and of files: the curve was dropped without a word."""
+    folder = tmp_path / "in"
+    write(folder / "c.csv", curve, head=["Time (s)", "Pressure (mbar)", "Deflection (mm)"])
+    head, *rows = (folder / "c.csv").read_text().splitlines()
+    text = [f"{head},{column}", *(f"{row},P1" for row in rows)]
+    (folder / "c.csv").write_text("\n".join(text) + "\n")
+    (folder / "people.csv").write_text("subject,blood pressure (mmHg),height (cm)\nP1,120,180\n")
+    done = study(folder, "--out", tmp_path / "out", *SETUP)
+    assert done.return_value == 0, done.output
+    assert [row["file"] for row in rows_of(tmp_path / "out" / "curves.csv")] == ["c.csv"]
+
+
 def test_a_layout_is_of_the_whole_path_inside_each_folder(curve, tmp_path):
     for folder, person, site in (("a", "P1", "arm"), ("b", "P2", "leg"), ("b", "P3", "leg")):
         write(tmp_path / folder / person / site / "v1.csv", curve)

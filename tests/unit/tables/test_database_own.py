@@ -4,6 +4,7 @@ import dataclasses
 import json
 import subprocess
 import sys
+from pathlib import Path
 
 import h5py
 import msgspec
@@ -301,6 +302,14 @@ build(read_spec(sys.argv[1]), How(keep=Path(sys.argv[2]), progress=progress))
 """
 
 
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="no disk that is full")
+def test_rows_that_have_no_room_are_told_with_their_file(tmp_path):
+    kept = tmp_path / "db.h5.rows"
+    kept.symlink_to("/dev/full")
+    with pytest.raises(InputError, match=r"db.h5.rows: cannot be written \(No space left"):
+        KeptRows(kept, "of", 3, resume=False)
+
+
 def test_a_killed_build_goes_on_to_the_same_bits(corners, tmp_path, capsys):
     _, whole = corners
     spec_file, out, kept = (tmp_path / n for n in ("spec.toml", "db.h5", "db.h5.rows"))
@@ -328,6 +337,11 @@ def test_a_killed_build_goes_on_to_the_same_bits(corners, tmp_path, capsys):
     assert whole in shown.out
     assert "%" not in shown.err  # no progress bar in a pipe
     assert not kept.exists()
+    assert run(told) == 3
+    assert "db.h5: exists already; --force replaces it" in capsys.readouterr().err
+    out.write_text("another one")
+    assert run([*told, "--force"]) == 0
+    assert whole in capsys.readouterr().out
     assert read(out).content_hash == whole
 
 

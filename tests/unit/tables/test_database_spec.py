@@ -218,5 +218,8 @@ def test_the_command_says_it_in_one_sentence(tmp_path, capsys):
     assert capsys.readouterr().err == f"skinlab: {path}: axis.nu.nodes is 0: expected 2 to 1000\n"
     assert run(["database", "build", "--spec", str(tmp_path / "no.toml"), "--out", str(out)]) == 3
     assert run(["database", "build", "--spec", str(path), "--out", str(path)]) == 3
+    capsys.readouterr()
+    assert run(["database", "build", "--spec", "papr", "--out", str(out)]) == 3
+    assert "did you mean paper?" in capsys.readouterr().err
     assert run(["database", "build", "--workers", "2", "--dask", "tcp://x:1"]) == 2
     assert not out.exists()

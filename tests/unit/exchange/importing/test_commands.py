@@ -116,7 +116,7 @@ def test_nothing_good_leaves_no_session(call, tmp_path):
         ),
         (["import", "a.txt", *SKIN, "--time-unit", "h", "--out", "s.h5"], 2, "--time-unit"),
         (["import", "a.txt", *SKIN, "--subject", "Jane", "--out", "s.h5"], 3, "pseudonym"),
-        (["import", "a.txt", *SKIN, "--cycle", 0, "--out", "s.h5"], 3, "count from 1"),
+        (["import", "a.txt", *SKIN, "--cycle", 0, "--out", "s.h5"], 3, "cycle 0: expected"),
         (["import", "a.txt", *SKIN, "--program", "up", "--out", "s.h5"], 3, "is not a segment"),
         (["import", "a.txt", *SKIN, "--out", "a.txt"], 3, "exists already"),
         (["import", "a.txt", *SKIN, "--out", "s.txt"], 3, "s.txt: expected a name that ends with"),
@@ -134,7 +134,7 @@ def test_nothing_good_leaves_no_session(call, tmp_path):
         (["export", "absent.h5", "--to", "docx", "d"], 2, "'csv', 'json'"),
         (["capture", "--port", "sim://", "--out", "a.txt"], 3, "never overwritten"),
         (["capture", "--port", "/dev/absent", "--out", "c"], 4, "there is no such port"),
-        (["capture", "--port", "sim://", "--through", "tcp:99999", "--out", "c"], 4, "65535"),
+        (["capture", "--port", "sim://", "--through", "tcp:99999", "--out", "c"], 2, "65535"),
         (["capture", "--port", "sim://", "--framing", "9X9", "--out", "c"], 2, "framing"),
     ],
 )

@@ -130,7 +130,9 @@ def test_any_combination_of_forms_reads_back_to_the_same_numbers(export):
     np.testing.assert_allclose(curve.deflection_mm, deflection_mm, rtol=1e-12)
 
 
-@pytest.mark.parametrize("heading", ["p/bar", "P_bar", "Sog [bar]", "Vac bar", "p (bar)"])
+@pytest.mark.parametrize(
+    "heading", ["p/bar", "P_bar", "Sog [bar]", "Vac bar", "p (bar)", "Pres, bar"]
+)
 def test_a_pressure_that_is_there_goes_before_the_program(heading):
     """The pump reached four fifths of what it was to: the program's own made stiffer skin of it."""
     text = f"t/s;{heading};w/mm\n" + rows(scale=(1, 0.8e-3, 1))
