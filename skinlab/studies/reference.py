@@ -318,11 +318,14 @@ def reference_of(
                     mask = mask & (sexes == sex)
                 rows = kept.where(mask)
                 people = len(np.unique(rows.text["subject"]))
+                if not people:
+                    continue
                 if people < REFERENCES.fewest_people:
                     who = f"{band[0]:g} to {band[1]:g} years" if band else "all ages"
                     missing.append(
-                        f"{site or 'no site'}, {who}, sex {sex}: no reference range of {people} "
-                        f"people; expected at least {REFERENCES.fewest_people}"
+                        f"{site or 'no site'}, {float(aperture):g} mm, {program}, {who}, sex {sex}:"
+                        f" no reference range of {people} people; expected at least "
+                        f"{REFERENCES.fewest_people}"
                     )
                     continue
                 for quantity in kept.quantities:

@@ -197,6 +197,22 @@ def test_what_cannot_be_told_apart_is_said():
         components(np.ones(5), [])
 
 
+def test_one_curve_a_person_has_no_components_and_a_reason():
+    """It was "not enough values to unpack", which is no reason to who reads a study."""
+    y = np.random.default_rng(0).normal(size=24)
+    with pytest.raises(ValueError, match=r"subject cannot be .* from within: each has one curve$"):
+        components(y, [effect("subject", np.arange(24)), effect("site", np.zeros(24, dtype=int))])
+    with pytest.raises(ValueError, match="differ in nothing that is stated"):
+        components(y, [effect("subject", np.zeros(24, dtype=int))])
+    whole = table()
+    text = {**whole.text, "operator": np.full(len(whole), "op")}
+    rows = (whole.text["visit"] == "1") & (whole.text["placement"] == "1")
+    found = reliability(Columns(text, whole.names).where(rows))
+    assert not found.components
+    (why,) = (note for note in found.notes if "no components of variance" in note)
+    assert "each has one curve" in why
+
+
 def test_the_figures_follow_from_the_components():
     found = reliability(table())
     one = found.of("X1_MPa")
