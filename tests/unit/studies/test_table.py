@@ -210,6 +210,7 @@ def test_every_kind_of_broken_file_is_listed_and_nothing_stops_the_rest(cohort, 
     assert not any("internal error" in reason for reason in reasons.values())
     assert all(name in reason for name, reason in reasons.items())
     assert "larger than 64 MB" in reasons["huge.csv"]
+    assert not any(str(tmp_path) in reason for reason in reasons.values())
     assert "link to a folder" in reasons["above"]
     assert reasons["notes.json"].startswith("left alone: ")
     assert "22 files could not be used" in done.output
