@@ -31,6 +31,7 @@ from skinlab.studies.facts import pseudonym
 from skinlab.studies.path_layout import PathLayout
 from skinlab.studies.state import State
 from skinlab.studies.table import Placements
+from skinlab.studies.whole import COLUMNS
 from skinlab.versions import versions
 
 
@@ -211,6 +212,8 @@ def test_every_kind_of_broken_file_is_listed_and_nothing_stops_the_rest(cohort, 
     assert all(name in reason for name, reason in reasons.items())
     assert "larger than 64 MB" in reasons["huge.csv"]
     assert not any(str(tmp_path) in reason for reason in reasons.values())
+    head = (tmp_path / "out" / "components.csv").read_text().splitlines()
+    assert head == [COLUMNS["components.csv"].replace(" ", ",")]  # of one curve
     assert "link to a folder" in reasons["above"]
     assert reasons["notes.json"].startswith("left alone: ")
     assert "22 files could not be used" in done.output
