@@ -23,7 +23,7 @@ from drivers.reading import read_whole
 from skinlab.curves.apertures import check_aperture
 from skinlab.curves.program import parse_program
 from skinlab.errors import InputError
-from skinlab.io.documents import decode, read_toml, toml_text
+from skinlab.io.documents import decode, of_schema, read_toml, toml_text
 from skinlab.report.page import Section, Table
 from skinlab.studies.analysis import main_scale, usable
 from skinlab.studies.settings import REFERENCES
@@ -138,7 +138,7 @@ def read_reference(path: Path) -> Reference:
         InputError: it cannot be read, or a field is unknown, missing or wrong.
     """
     try:
-        return decode(read_toml(read_whole(path)), Reference)
+        return decode(of_schema(read_toml(read_whole(path)), SCHEMA), Reference)
     except OSError as error:
         raise InputError(f"{path}: {error.strerror or error}") from None
     except ValueError as error:
