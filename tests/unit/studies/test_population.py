@@ -137,14 +137,14 @@ def test_a_prior_of_another_model_or_site_is_refused(identifier, knowing, tmp_pa
 
 
 def test_the_files_of_a_study_are_told_apart(knowing, tmp_path):
-    """What a prior lacks of a reference came first: "unknown field `title`; did you mean sites?"."""
+    """It was "unknown field `title`; did you mean sites?"."""
     prior, reference = tmp_path / "study.toml", tmp_path / "reference.toml"
     prior.write_text(knowing.population.text)
     inputs = Path(__file__).parents[2] / "data" / "inputs"
     reference.write_text((inputs / "reference.toml").read_text())
-    with pytest.raises(InputError, match="schema: 'skinlab.reference/1', expected 'skinlab.prior"):
+    with pytest.raises(InputError, match=r"schema: 'skinlab.reference/1', expected 'skinlab.prior"):
         read_prior(reference)
-    with pytest.raises(InputError, match="schema: 'skinlab.prior/1', expected 'skinlab.reference"):
+    with pytest.raises(InputError, match=r"schema: 'skinlab.prior/1', expected 'skinlab.reference"):
         read_reference(prior)
 
 
