@@ -4,8 +4,8 @@
 
 CAMPAIGNS gets a folder for each, with campaign.toml and its curves: all that a program may see.
 TRUTH gets a JSON document for each. The same seeds give the same campaigns (to the last digits that
-the processor rounds); a campaign that is there already is left alone, and one that was cut short is
-written anew.
+the processor rounds); a campaign that is there already with its truth is left alone, and one that
+was cut short is written anew.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ import argparse
 import json
 import os
 import sys
+from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -87,21 +88,29 @@ def main() -> None:
     parser.add_argument("--first", type=int, default=0)
     parser.add_argument("--count", type=int, default=200)
     arguments = parser.parse_args()
-    if arguments.campaigns.resolve() == arguments.truth.resolve():
+    if arguments.truth.resolve().is_relative_to(arguments.campaigns.resolve()):
         parser.error("the truth has to be apart from the campaigns")
     every = entries()
     if not 0 <= arguments.first < len(every):
         parser.error(f"--first {arguments.first}: expected 0 to {len(every) - 1}")
     if arguments.count < 1:
         parser.error(f"--count {arguments.count}: expected 1 or more")
-    arguments.truth.mkdir(parents=True, exist_ok=True)
-    for name, part, number in every[arguments.first : arguments.first + arguments.count]:
-        folder = arguments.campaigns / name
-        if (folder / "campaign.toml").exists():
+    try:
+        write(arguments.campaigns, arguments.truth, every[arguments.first :][: arguments.count])
+    except OSError as error:
+        parser.error(f"{error.filename}: {error.strerror}")
+
+
+def write(campaigns: Path, truths: Path, every: Sequence[tuple[str, str, int]]) -> None:
+    """Write those of them that are missing."""
+    truths.mkdir(parents=True, exist_ok=True)
+    for name, part, number in every:
+        folder, told = campaigns / name, truths / f"{name}.json"
+        if (folder / "campaign.toml").exists() and told.exists():
             continue
         truth, made = make(part, SEED, number)
         document = truth_document(name, part, truth)
-        (arguments.truth / f"{name}.json").write_text(json.dumps(document, indent=1) + "\n")
+        told.write_text(json.dumps(document, indent=1) + "\n")
         write_campaign(folder, made)
         print(folder, flush=True)
 

@@ -49,11 +49,19 @@ def check(name: str, answer: Document) -> None:
         raise ValueError(f"{name}: effects: expected a list of explanations, each a list of names")
     if answer["verdict"] == "named" and len(effects) != 1:
         raise ValueError(f"{name}: named: expected one explanation, got {len(effects)}")
+    if answer["verdict"] == "ambiguous" and len(effects) < 2:
+        raise ValueError(f"{name}: ambiguous: expected two explanations, got {len(effects)}")
+    if answer["verdict"] in ("named", "ambiguous") and not all(effects):
+        raise ValueError(f"{name}: an explanation without a name; expected one effect or more")
     learned = answer.get("learned") or {}
     if not isinstance(learned, dict) or not isinstance(learned.get("family", ""), str | None):
         raise ValueError(f"{name}: learned {learned!r}: expected an object with a family's name")
-    seconds = answer.get("cpu_seconds", 0.0)
-    if not isinstance(seconds, int | float) or not 0.0 <= seconds < math.inf:
+    seconds = answer.get("cpu_seconds")
+    if seconds is not None and (
+        isinstance(seconds, bool)
+        or not isinstance(seconds, int | float)
+        or not 0.0 <= seconds < math.inf
+    ):
         raise ValueError(f"{name}: cpu_seconds {seconds!r}: expected a number of seconds")
 
 
@@ -84,7 +92,7 @@ def scores(truths: Mapping[str, Document], answers: Mapping[str, Document]) -> d
     none, single = part("life_none"), part("life_single")
     double, outside = part("life_double"), part("life_outside")
     tied = [(t, a) for t, a in single if a["verdict"] == "ambiguous"]
-    seconds = [a["cpu_seconds"] for _, a in both if "cpu_seconds" in a]
+    seconds = [a["cpu_seconds"] for _, a in both if a.get("cpu_seconds") is not None]
     return {
         "answered": len(both),
         "of": len(truths),
@@ -94,6 +102,9 @@ def scores(truths: Mapping[str, Document], answers: Mapping[str, Document]) -> d
         "one hidden: named rightly": share(_right(t, a) for t, a in single),
         "one hidden: ties with the truth": share(
             t["effects"] in [sorted(e) for e in a["effects"]] for t, a in tied
+        ),
+        "one hidden: explanations in a tie, mean": (
+            float(np.mean([len(a["effects"]) for _, a in tied])) if tied else None
         ),
         "two hidden: named rightly": share(_right(t, a) for t, a in double),
         "two hidden: named wrongly": share(
@@ -184,7 +195,10 @@ def main() -> None:
     found = scores(truths, answers)
     show(found)
     if arguments.save is not None:
-        arguments.save.write_text(json.dumps(found, indent=1) + "\n")
+        try:
+            arguments.save.write_text(json.dumps(found, indent=1) + "\n")
+        except OSError as error:
+            parser.error(f"--save {arguments.save}: {error.strerror}")
 
 
 if __name__ == "__main__":

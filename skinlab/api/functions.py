@@ -107,6 +107,8 @@ def identify(
     method: str = "auto",
     model: PathLike | Model | None = None,
     prior: PathLike | None = None,
+    site: str | None = None,
+    age_years: float | None = None,
     seed: int = 0,
     kappa: KappaConvention | None = None,
     phases: str | Sequence[str] | None = None,
@@ -117,8 +119,9 @@ def identify(
 ) -> Identification:
     """Return the skin's parameters from one curve.
 
-    model: a MODEL.toml. prior: the study.toml of a population. kappa: "paper" or "consistent";
-    phases: which samples to fit, such as "load,hold"; None: the model's, else "paper" and "load".
+    model: a MODEL.toml. prior: the study.toml of a population; site, age_years: of the person in
+    it; None: as wide as all of them. kappa: "paper" or "consistent"; phases: which samples to fit,
+    such as "load,hold"; None: the model's, else "paper" and "load".
     noise_um, pressure_noise_mbar: standard deviations of one sample; None: estimated.
     database: a file of `skinlab database build`.
     options: `samples`, `best`, `tolerance_um`, and those of the method (docs/methods.md). Same
@@ -132,6 +135,8 @@ def identify(
         method=method,
         model=model,
         prior=prior,
+        site=site,
+        age_years=age_years,
         seed=seed,
         kappa=kappa,
         phases=_phases(phases),
@@ -151,6 +156,8 @@ def identify_joint(
     method: str = "auto",
     model: PathLike | Model | None = None,
     prior: PathLike | None = None,
+    site: str | None = None,
+    age_years: float | None = None,
     seed: int = 0,
     kappa: KappaConvention | None = None,
     phases: str | Sequence[str] | None = None,
@@ -187,6 +194,8 @@ def identify_joint(
         method=method,
         model=model,
         prior=prior,
+        site=site,
+        age_years=age_years,
         seed=seed,
         kappa=kappa,
         phases=_phases(phases),
@@ -347,6 +356,8 @@ def measure(
     asked = _program(program)
     if asked is None and speaks.capabilities.controllable:
         raise InputError("program: expected what the pump is to do, such as ramp:100@20")
+    if identification.get("prior") is not None:
+        identification["site"] = site
     identifier = compose_identifier(**identification)
     complaint = None if asked is None else nothing_to_fit(asked, identifier.phases)
     if complaint is not None:
@@ -421,8 +432,8 @@ def study(
     workers: processes; None: one a core. dask: a scheduler's address instead. layout: what paths
     say, such as "{subject}/{site}/v{visit}". aperture_mm, thickness_mm, thickness_sd_mm, program:
     where nothing else says them. progress is called with files (done, of all), then, to explain,
-    with campaigns. identification: what `identify` takes. Only what is new or changed is computed
-    (docs/study.md).
+    with campaigns. identification: what `identify` takes, but for a prior: a study learns one. Only
+    what is new or changed is computed (docs/study.md).
 
     Raises:
         InputError: a folder or a setting is wrong. Files that cannot be used are in `failures`.
@@ -436,6 +447,11 @@ def study(
 
     if dask is not None and workers is not None:
         raise InputError("dask and workers exclude each other")
+    if identification.get("prior") is not None:
+        raise InputError(
+            "prior: the curves of a study are identified by themselves, as what it tells of people "
+            "and its own study.toml come from them; expected none"
+        )
     check_workers(workers)
     folders = [folder] if isinstance(folder, str | os.PathLike) else list(folder)
     if not folders:

@@ -33,7 +33,7 @@ def read_phases(phases: str | tuple[str, ...] | list[str]) -> tuple[str, ...]:
         InputError: one of them does not exist, or there is none.
     """
     parts = phases.split(",") if isinstance(phases, str) else phases
-    found = tuple(part.strip() for part in parts if part.strip())
+    found = tuple(dict.fromkeys(part.strip() for part in parts if part.strip()))
     for phase in found:
         if phase not in PHASES:
             raise InputError(
@@ -88,6 +88,8 @@ def compose_identifier(
     pressure_noise_mbar: float | None = None,
     model: PathLike | Model | None = None,
     prior: PathLike | None = None,
+    site: str | None = None,
+    age_years: float | None = None,
     probe: PathLike | None = None,
     database: PathLike | Table | None = None,
     **own: Any,
@@ -95,12 +97,14 @@ def compose_identifier(
     """Return the Identifier of these settings; `own` are options of the method alone.
 
     kappa, phases: None: those of the model or database, else paper, and load. model: a MODEL.toml.
-    database: a file of `skinlab database build`; None: the shipped one. prior: a study.toml.
-    probe: a PROBE.toml of `skinlab calibrate`.
+    database: a file of `skinlab database build`; None: the shipped one. prior: a study.toml, of
+    this site and age; None: as wide as all of them. probe: a PROBE.toml of `skinlab calibrate`.
 
     Raises:
         InputError: a setting is out of its range, or two contradict each other.
     """
+    if prior is None and (site, age_years) != (None, None):
+        raise InputError("site and age_years are for a prior; expected a study.toml beside them")
     options = settle_options(method, Options(best=best, tolerance_um=tolerance_um), samples, own)
     if seed < 0:
         raise InputError(f"seed {seed}: expected zero or more")
@@ -143,7 +147,7 @@ def compose_identifier(
         return identifier
     from skinlab.inference.population import read_prior, with_prior
 
-    return with_prior(identifier, read_prior(as_path(prior)))
+    return with_prior(identifier, read_prior(as_path(prior), site or None, age_years))
 
 
 def find_table(database: PathLike | Table | None) -> Table:

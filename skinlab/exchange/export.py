@@ -14,8 +14,9 @@ from skinlab.io.documents import toml_text
 from skinlab.io.files import write_file
 from skinlab.mechanics.names import is_effects, of_law
 from skinlab.recording.clocks import clock_readings
+from skinlab.recording.labels import LABELS, labels_of
 from skinlab.recording.session import Session, stated_noise
-from skinlab.recording.session_fit import excluded_of
+from skinlab.recording.session_fit import excluded_of, left_out_of
 from skinlab.recording.stream import setup_to_json
 from skinlab.text import csv_cell, inert, json_text
 
@@ -47,8 +48,8 @@ def to_json(session: Session) -> dict[str, str]:
 def to_csv(session: Session) -> dict[str, str]:
     """Return a file for each curve, one with a row for each, and a campaign of them.
 
-    The curves' numbers are written so that they read back as the same bits, and the folder can be
-    given to `identify` or `discrepancy` as a campaign.
+    The curves' numbers are written so that they read back as the same bits. The folder can be given
+    to `identify` or `discrepancy` as a campaign of the curves that count together, and to `study`.
     """
     files = {_file(k): _curve_csv(curve) for k, curve in enumerate(session.curves, start=1)}
     files["curves.csv"] = _overview(session)
@@ -122,9 +123,10 @@ def _overview(session: Session) -> str:
     header = (
         "file", "name", "samples", "partial", *setup_columns,
         *(f"{name}{end}" for name in names for end in ("", "_low", "_high")),
-        "error_um", "rms_um", "flags", "not_identified", "left_out", "placement",
+        "error_um", "rms_um", "flags", "not_identified", "left_out", "placement", *LABELS,
     )  # fmt: skip
-    out = excluded_of(session)
+    out, whose = excluded_of(session), labels_of(session)
+    labels = [whose.get(name) for name in LABELS]
     rows: list[Any] = [header]
     for number, (curve, result) in enumerate(
         zip(session.curves, session.results, strict=True), start=1
@@ -137,7 +139,8 @@ def _overview(session: Session) -> str:
         for name in names:
             row += [values.get(name, {}).get(key) for key in ("value", "low", "high")]
         row += [found.get("error_um"), found.get("rms_um"), " ".join(found.get("flags") or [])]
-        rows.append([*row, found.get("error"), out.get(curve.name), curve.setup.placement])
+        row += [found.get("error"), out.get(curve.name), curve.setup.placement]
+        rows.append([*row, *labels])
     return _csv(rows)
 
 
@@ -149,7 +152,7 @@ def _csv(rows: list[Any]) -> str:
 
 def _campaign(session: Session) -> str:
     noise_um, pressure_noise_mbar = stated_noise(session.meta)
-    out = excluded_of(session)
+    out = left_out_of(session)
     numbered = list(enumerate(session.curves, start=1))
     used = [(number, curve) for number, curve in numbered if curve.name not in out]
     return toml_text(

@@ -27,7 +27,7 @@ from skinlab.inference.posterior import Draws
 from skinlab.inference.result import Identification
 from skinlab.inference.settings import POPULATION
 from skinlab.inference.uncertainty import Uncertainty
-from skinlab.io.documents import decode, read_toml, text_of
+from skinlab.io.documents import decode, of_schema, read_toml, text_of
 from skinlab.mechanics.names import is_logarithmic
 
 Array = NDArray[np.float64]
@@ -182,7 +182,7 @@ def decode_prior(
         InputError: as `read_prior`.
     """
     try:
-        file = decode(read_toml(text), PriorFile)
+        file = decode(of_schema(read_toml(text), SCHEMA), PriorFile)
     except ValueError as error:
         raise InputError(f"{where}: {error}") from None
     try:

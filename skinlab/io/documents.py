@@ -89,6 +89,18 @@ def decode(said: Any, kind: type[Kind]) -> Kind:
         raise ValueError(told.replace(".*", f".{_key_of(str(error), said, kind)}", 1)) from None
 
 
+def of_schema(said: Any, schema: str) -> Any:
+    """Return decoded tables of a file that is of this schema, or states none.
+
+    Raises:
+        ValueError: it is of another one: what kind of file it is comes before its keys.
+    """
+    stated = said.get("schema") if isinstance(said, dict) else None
+    if isinstance(stated, str) and stated != schema:
+        raise ValueError(f"schema: {stated!r}, expected {schema!r}")
+    return said
+
+
 def _key_of(message: str, said: Any, kind: Any) -> str:
     """Return the key that msgspec writes as `[...]`: the one that is refused alone as well."""
     path = re.search(r"at `\$\.?([\w.]*)\[\.\.\.\]", message)

@@ -48,7 +48,7 @@ def describe(result: Identification) -> str:
         lines.append(f"  not identified: {inert(result.error)}")
     for name, value in (result.parameters or {}).items():
         label, unit = plain(name)
-        text = f"  {label:<4}{'' if len(label) < 4 else ' '}{value.value:10.4g} {unit:<4}"
+        text = f"  {label:<4}{'' if len(label) < 4 else ' '}{value.value:10.4g} {unit:<3} "
         if value.low is not None and value.high is not None:
             text += f"90 % interval {value.low:.4g} to {value.high:.4g}  "
         true_nu = result.derived.get(NU_CONSISTENT)

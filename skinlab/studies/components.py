@@ -97,7 +97,8 @@ def components(
     inside of which the others mostly repeat: people.
 
     Raises:
-        ValueError: fewer than three values, all the same, or a block too large.
+        ValueError: fewer than three values, all the same, a block too large, or no effect that can
+            be told from the scatter within.
     """
     n = len(values)
     if n < 3 or not np.ptp(values) > 0:
@@ -109,6 +110,8 @@ def components(
         if lost is None:
             break
         design = design.without(*lost)
+    if not design.effects:
+        raise ValueError("; ".join(design.notes) or "the curves differ in nothing that is stated")
     if design.freedom(WITHIN) < 1:
         raise ValueError("there are not enough repeats to estimate any scatter")
     # In units of its own spread, so that no step of the search depends on the unit.

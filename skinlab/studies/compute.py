@@ -20,13 +20,13 @@ from skinlab.inference.batch import with_stated_noise
 from skinlab.inference.identify import Identifier
 from skinlab.inference.result import Identification
 from skinlab.io.log import log_exception
-from skinlab.recording.audit import entries
+from skinlab.recording.labels import labels_of
 from skinlab.recording.load_inputs import NONE_LEFT, SESSIONS
-from skinlab.recording.session import Session, measured_utc, read_session, stated_noise
+from skinlab.recording.session import Session, read_session, stated_noise
 from skinlab.recording.session_fit import excluded_of
 from skinlab.recording.stream import setup_to_json
 from skinlab.studies.copies import readings_hash
-from skinlab.studies.facts import Facts, setup_of
+from skinlab.studies.facts import PARTIAL, Facts, setup_of
 from skinlab.studies.settings import PRIORS
 from skinlab.studies.sources import sha256_of
 
@@ -137,22 +137,7 @@ def _curve_of(path: Path, facts: Facts) -> Curve:
     if path.stat().st_size > MOST_BYTES:
         raise InputError(f"{path}: larger than {MOST_BYTES >> 20} MB; expected one curve")
     curve = read_any(path, setup, Answers(command="skinlab import"))
-    return replace(curve, name=path.name)
-
-
-def labels_of(session: Session) -> dict[str, Any]:
-    """Return what a session says of whose curves it holds."""
-    meta = session.meta
-    instrument = meta.get("instrument")
-    who = next((entry.who for entry in entries(session.records)), "")
-    known = {
-        "subject": meta.get("subject"),
-        "site": meta.get("site"),
-        "visit": measured_utc(meta)[:10],  # the day
-        "operator": who,
-        "probe": instrument.get("serial_number") if isinstance(instrument, dict) else None,
-    }
-    return {name: str(value) for name, value in known.items() if value}
+    return replace(curve, name=path.name, partial=facts.get(PARTIAL) == "true")
 
 
 def _placement(curve: Curve) -> dict[str, Any]:

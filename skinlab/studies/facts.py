@@ -15,6 +15,8 @@ from skinlab.recording.pseudonym import check_subject
 LABELS = ("subject", "visit", "site", "operator", "probe", "placement")
 SETUP = ("aperture_mm", "thickness_mm", "thickness_sd_mm", "program", "cycle", "repeat")
 NOISE = ("noise_um", "pressure_noise_mbar")
+LEFT_OUT = "left_out"  # of an exported session: why its operator left the curve out
+PARTIAL = "partial"  # the same: "true" of a curve that was cut short
 
 _NUMBERS = frozenset({"aperture_mm", "thickness_mm", "thickness_sd_mm", *NOISE})
 _WHOLE = frozenset({"cycle", "repeat"})

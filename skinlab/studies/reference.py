@@ -23,7 +23,7 @@ from drivers.reading import read_whole
 from skinlab.curves.apertures import check_aperture
 from skinlab.curves.program import parse_program
 from skinlab.errors import InputError
-from skinlab.io.documents import decode, read_toml, toml_text
+from skinlab.io.documents import decode, of_schema, read_toml, toml_text
 from skinlab.report.page import Section, Table
 from skinlab.studies.analysis import main_scale, usable
 from skinlab.studies.settings import REFERENCES
@@ -138,7 +138,7 @@ def read_reference(path: Path) -> Reference:
         InputError: it cannot be read, or a field is unknown, missing or wrong.
     """
     try:
-        return decode(read_toml(read_whole(path)), Reference)
+        return decode(of_schema(read_toml(read_whole(path)), SCHEMA), Reference)
     except OSError as error:
         raise InputError(f"{path}: {error.strerror or error}") from None
     except ValueError as error:
@@ -318,11 +318,14 @@ def reference_of(
                     mask = mask & (sexes == sex)
                 rows = kept.where(mask)
                 people = len(np.unique(rows.text["subject"]))
+                if not people:
+                    continue
                 if people < REFERENCES.fewest_people:
                     who = f"{band[0]:g} to {band[1]:g} years" if band else "all ages"
                     missing.append(
-                        f"{site or 'no site'}, {who}, sex {sex}: no reference range of {people} "
-                        f"people; expected at least {REFERENCES.fewest_people}"
+                        f"{site or 'no site'}, {float(aperture):g} mm, {program}, {who}, sex {sex}:"
+                        f" no reference range of {people} people; expected at least "
+                        f"{REFERENCES.fewest_people}"
                     )
                     continue
                 for quantity in kept.quantities:

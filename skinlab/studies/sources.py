@@ -31,14 +31,16 @@ from skinlab.io.documents import read_toml
 from skinlab.io.files import cannot_read, file_hash, real_path
 from skinlab.mechanics.names import parameter_of
 from skinlab.recording.load_inputs import SESSIONS
-from skinlab.studies.facts import LABELS, NOISE, SETUP, Facts, checked
+from skinlab.studies.facts import LABELS, LEFT_OUT, NOISE, PARTIAL, SETUP, Facts, checked
 from skinlab.studies.path_layout import PathLayout, pairs_of
 
 _TEXTS = frozenset({"file", "program", *LABELS})
-_MEANT = frozenset({"time_s", *_TEXTS, *SETUP, *NOISE})
+_MEANT = frozenset({"time_s", LEFT_OUT, PARTIAL, *_TEXTS, *SETUP, *NOISE})
 _DECIMAL_COMMA = re.compile(r"[+-]?[0-9]+,[0-9]+")
 STATE = "study.sqlite"  # in the folder that a study writes
 LEFT_ALONE = "left alone: "  # how the reason begins of what nobody would take for a curve
+
+_NOT_LEFT_OUT = frozenset({"no", "false", "0"})
 
 _ENDINGS = SUFFIXES | SESSIONS
 _HEAD_BYTES = 4096
@@ -222,6 +224,9 @@ def _source(
     """Return a file with all that is known of it; `top` is the folder that was named."""
     if "error" in facts:
         return Source(name, path, error=str(facts["error"]))
+    if str(facts.get(LEFT_OUT, "no")).casefold() not in _NOT_LEFT_OUT:
+        reason = f"{LEFT_ALONE}{path}: its operator left it out: {facts[LEFT_OUT]}"
+        return Source(name, path, error=reason)
     try:
         merged = {**plan.stated, **_by_path(path, top, layout), **facts}
         merged.pop("listed", None)
@@ -337,6 +342,7 @@ def _listed(table: Table) -> dict[Path, Facts]:
         else:
             wanted = {k: v for k, v in cells.items() if k != "file" and not _is_ours(k)}
             try:
+                wanted |= {k: cells[k].casefold() for k in (PARTIAL,) if k in cells}
                 facts |= checked(wanted | {k: cells[k] for k in NOISE if k in cells}, where)
             except InputError as error:
                 facts["error"] = str(error)

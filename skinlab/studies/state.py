@@ -314,10 +314,16 @@ class State:
         return {self._as(str, subject): self._object(facts) for subject, facts in rows}
 
     def failures(self) -> Iterator[tuple[str, str]]:
-        """Yield the files that could not be read, each with its reason."""
-        yield from self._db.execute(
-            "SELECT name, error FROM source WHERE error IS NOT NULL ORDER BY name"
-        )
+        """Yield the files that could not be read, each with its reason.
+
+        Reasons call a file as the study does: where its folder lies on this machine is nobody's
+        business who reads them.
+        """
+        for row in self._db.execute(
+            "SELECT name, path, error FROM source WHERE error IS NOT NULL ORDER BY name"
+        ):
+            name, path, error = self._as(tuple[str, str, str], row)
+            yield name, error.replace(path, name)
 
     def curves(self) -> Iterator[Stored]:
         """Yield every curve, in the order of the files' names."""

@@ -69,6 +69,24 @@ MEANING = {
     "study.json": "The main figures, settings and versions",
 }
 
+# Headings, which are there without a row too: what reads a table finds its columns.
+COLUMNS: dict[str, str] = {
+    "components.csv": "condition quantity scale curves people component sd variance low high share "
+    "share_low share_high levels freedom level",
+    "agreement.csv": "condition quantity scale facet by level measure k value low high unit "
+    "definition",
+    "bland_altman.csv": "condition quantity scale facet first second count bias bias_low bias_high "
+    "sd lower lower_low lower_high upper upper_low upper_high level",
+    "bland_altman_pairs.csv": "condition quantity scale facet first second target mean difference",
+    "trends.csv": "condition quantity scale against slope low high level correlation count",
+    "people.csv": "condition quantity subject curves visits value low high",
+    "flags.csv": "flag curves share",
+    "missing_effects.csv": "campaign subject visit site probe verdict effects gap_before_um "
+    "gap_after_um noise_um p_value q_value holds error",
+    "pooled_effects.csv": "shared_by group named_in effect campaigns size low high unit p_value "
+    "instead_of q_value holds",
+}
+
 
 @dataclass(frozen=True)
 class Made:
@@ -304,8 +322,7 @@ def _write_tables(
         tables["missing_effects.csv"] = effects.campaigns
         tables["pooled_effects.csv"] = effects.pooled
     for name, body in tables.items():
-        columns = dict.fromkeys(key for row in body for key in row)
-        write_csv(out / name, tuple(columns) or ("empty",), body)
+        write_csv(out / name, COLUMNS[name].split(), body)
     if not have_pictures():
         (out / "report.html").unlink(missing_ok=True)  # that of an earlier state
         return list(tables)

@@ -208,6 +208,7 @@ def test_options_of_a_method_go_by_name(curve):
         ({"method": "magic"}, "magic"),
         ({"phases": "climb"}, "'climb' is not a phase"),
         ({"phases": []}, "names no phase"),
+        ({"site": "heel"}, "site and age_years are for a prior"),
         ({"kappa": "mine"}, "kappa 'mine': expected paper or consistent"),
         ({"seed": -1}, "seed -1"),
         ({"noise_um": 0.0}, "noise_um 0"),
@@ -221,6 +222,61 @@ def test_what_cannot_be_is_refused_in_a_sentence(curve, settings, sentence):
         skinlab.identify(curve, **settings)
     assert sentence in str(told.value)
     assert "--" not in str(told.value)
+
+
+def test_a_phase_that_is_named_twice_is_fitted_and_named_once(curve):
+    found = skinlab.identify(curve, phases="load, load")
+    assert found.phases == ["load"]
+    assert found.parameters == skinlab.identify(curve).parameters
+
+
+class TestPopulation:
+    """A prior is of somebody: at a site, of an age, from Python as by the command."""
+
+    @pytest.fixture
+    def prior(self, curve, tmp_path) -> Path:
+        """People of 50, of whom older ones and those at the heel are stiffer."""
+        hash_ = skinlab.identify(curve).to_dict()["model"]["hash"]
+        file = tmp_path / "study.toml"
+        file.write_text(
+            'schema = "skinlab.prior/1"\nparameters = ["X1_MPa", "X2_MPa", "nu"]\n'
+            'coordinates = ["log", "log", "linear"]\nmean = [-3.5, 0.0, 0.32]\n'
+            "covariance = [[1e-2, 0, 0], [0, 1e-2, 0], [0, 0, 1e-4]]\nfreedom = 20.0\n"
+            "people = 20\ncurves = 20\nage_years = 50.0\nage_sd_years = 10.0\n"
+            f'per_decade = [0.01, 0, 0]\nmodel_hash = "{hash_}"\n'
+            "sites.arm = {shift = [0, 0, 0], curves = 10}\n"
+            "sites.heel = {shift = [0.05, 0.1, 0], curves = 10}\n"
+        )
+        return file
+
+    def test_python_knows_of_whom_it_is_as_the_command_does(self, prior, path, curve, capsys):
+        noisy = replace(
+            curve, deflection_mm=curve.deflection_mm + np.random.default_rng(1).normal(0, 3e-3, 101)
+        )
+        path.write_text(str(noisy) + "\n")
+        read = skinlab.read_curve(path, **OPENING)
+        whose = {"site": "heel", "age_years": 70}
+        found = skinlab.identify(read, prior=prior, **whose)
+        assert found.parameters != skinlab.identify(read, prior=prior).parameters
+        assert found.parameters == skinlab.identify_joint([read], prior=prior, **whose).parameters
+        asked = ["--prior", str(prior), "--site", "heel", "--age-years", "70", "--json"]
+        assert run(["identify", str(path), *GEOMETRY, *asked]) == 0
+        (said,) = json.loads(capsys.readouterr().out)["curves"]
+        assert said["parameters"] == found.to_dict()["curves"][0]["parameters"]
+        with pytest.raises(skinlab.InputError, match="no site 'toe'; expected one of: arm, heel"):
+            skinlab.identify(read, prior=prior, site="toe")
+
+    def test_a_measurement_is_at_its_own_site(self, prior, tmp_path):
+        """Its site was kept, and the prior was that of all sites."""
+        with pytest.raises(skinlab.InputError, match="no site 'toe'"):
+            skinlab.measure(
+                "sim://", **OPENING, program="ramp:50@20", out=tmp_path / "s.h5", site="toe",
+                prior=prior,
+            )  # fmt: skip
+
+    def test_a_study_takes_none(self, prior, path):
+        with pytest.raises(skinlab.InputError, match="identified by themselves"):
+            skinlab.study(path.parent, out=path.parent / "out", prior=prior)
 
 
 class TestTypes:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -297,6 +298,9 @@ class TestCommand:
         assert "Ua / Uf" in out
         status, out, _ = self.call(capsys, path, "--json")
         (entry,) = json.loads(out)["curves"]
+        page = (Path(__file__).parents[3] / "docs/cutometer.md").read_text(encoding="utf-8")
+        named = {*entry, *entry["pulses"][0], *entry["inflection"]} - {"error"}
+        assert not [key for key in named if f"`{key}`" not in page]
         assert entry["aperture_mm"] is None
         assert entry["numbers"]["R9"] == {
             "value": None,

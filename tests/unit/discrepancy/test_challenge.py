@@ -80,6 +80,33 @@ def test_a_campaign_that_was_cut_short_is_written_anew(tmp_path, monkeypatch):
     assert len(asked) == 2
 
 
+def test_a_truth_that_is_missing_is_written_and_one_among_the_campaigns_refused(
+    tmp_path, monkeypatch, capsys
+):
+    """Campaigns that were there left another folder of truth empty, without a word."""
+    found = make("life_none", 5, 4)
+    monkeypatch.setattr(generate, "make", lambda *said: found)
+
+    def run(*folders):
+        said = [str(tmp_path / one) for one in folders]
+        monkeypatch.setattr("sys.argv", ["generate", *said, "--count", "1"])
+        generate.main()
+
+    run("c", "t")
+    run("c", "other")
+    first, other = (tmp_path / one / "c000.json" for one in ("t", "other"))
+    assert first.read_text() == other.read_text()
+    (tmp_path / "file").write_text("")
+    for one, truth, why in (
+        ("c", "c", "has to be apart"),
+        ("c", "c/truth", "has to be apart"),
+        ("file", "t2", "file/c000: Not a directory"),
+    ):
+        with pytest.raises(SystemExit):
+            run(one, truth)
+        assert why in capsys.readouterr().err
+
+
 @pytest.mark.parametrize(
     ("said", "why"),
     [
@@ -213,7 +240,7 @@ def test_scores_count_what_was_said():
         "c": {"verdict": "named", "effects": [["hypodermis"]]},
         "d": {"verdict": "ambiguous", "effects": [["hypodermis"], ["tape_slip"]]},
         "e": {"verdict": "learned", "effects": [], "learned": {"family": "time"}},
-        "g": {"verdict": "named", "effects": [["tape_slip", "hypodermis"]]},
+        "g": {"verdict": "named", "effects": [["tape_slip", "hypodermis"]], "cpu_seconds": None},
     }
     for name, answer in answers.items():
         score.check(name, answer)
@@ -224,6 +251,7 @@ def test_scores_count_what_was_said():
     assert shares["one hidden: names that are right"] == 1.0
     assert shares["one hidden: named rightly"] == 0.5
     assert shares["one hidden: ties with the truth"] == 1.0
+    assert found["one hidden: explanations in a tie, mean"] == 2.0
     assert shares["two hidden: named rightly"] == 1.0
     assert shares["outside the library: its family"] == 1.0
     assert shares["outside the library: a library name"] == 0.0
@@ -239,6 +267,11 @@ def test_scores_count_what_was_said():
         {"verdict": "none"},
         {"verdict": "none", "effects": [], "cpu_seconds": "3"},
         {"verdict": "none", "effects": [], "cpu_seconds": float("nan")},
+        {"verdict": "none", "effects": [], "cpu_seconds": True},
+        {"verdict": "named", "effects": [[]]},
+        {"verdict": "ambiguous", "effects": []},
+        {"verdict": "ambiguous", "effects": [["tape_slip"]]},
+        {"verdict": "ambiguous", "effects": [["tape_slip"], []]},
         {"verdict": "ambiguous", "effects": [[1, "a"], ["b"]]},
         {"verdict": "learned", "effects": [], "learned": "history"},
         {"verdict": "learned", "effects": [], "learned": {"family": ["time"]}},
@@ -310,3 +343,13 @@ def test_the_model_as_it_is_is_fitted_to_its_optimum_by_the_errors_that_it_ends_
     assert base.fit.cost < true.cost + FITS.gain
     assert base.adequate
     assert base.fit.u[2] == pytest.approx(nu, abs=3.0 * base.fit.deviations[2])
+
+
+def test_scores_that_cannot_be_saved_are_told(tmp_path, monkeypatch, capsys):
+    """It was a traceback behind the figures."""
+    (tmp_path / "c1.json").write_text(json.dumps(_truth("life_none")))
+    saved = tmp_path / "gone" / "found.json"
+    monkeypatch.setattr("sys.argv", ["score", str(tmp_path), str(tmp_path), "--save", str(saved)])
+    with pytest.raises(SystemExit):
+        score.main()
+    assert f"--save {saved}: No such file or directory" in capsys.readouterr().err

@@ -7,12 +7,12 @@ import pytest
 
 from skinlab.curves.curve import Curve, Setup
 from skinlab.inference.error_judgement import ErrorModelSummary
-from skinlab.inference.result import Identification
+from skinlab.inference.result import Identification, Value
 from skinlab.inference.stored import StoredErrors, StoredResult
 from skinlab.report.fitted import Fit
 from skinlab.report.flags import explanations
 from skinlab.report.measured import Judged, Measured
-from skinlab.report.text import explain
+from skinlab.report.text import describe, explain
 
 FLAGS = ("stated_noise_contradicted", "misfit_above_noise")
 ZERO = np.zeros(4)
@@ -55,3 +55,13 @@ def test_a_misfit_is_by_the_noise_that_it_is_more_than(residual_um, noise_um, wh
     assert ("the stated noise" in said) is ("the stated noise" in words)
     if "found" in why:
         assert more[0].endswith(f"({why.replace('slow; ', '').replace('; zeros', '')})")
+
+
+def test_a_long_unit_is_apart_from_the_interval():
+    """It was `1.5 µm/s90 % interval`."""
+    values = {
+        "X1_MPa": Value(0.03, 0.02, 0.04), "baseline_drift.drift_um_per_s": Value(1.5, 1.4, 1.6),
+    }  # fmt: skip
+    said = describe(Identification("c.csv", Setup(6.0, 1.0), None, parameters=values))
+    assert "0.03 MPa 90 % interval 0.02 to 0.04" in said
+    assert "1.5 µm/s 90 % interval 1.4 to 1.6" in said

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from skinlab.studies.campaigns import evidence, pool, section
+from skinlab.studies.whole import COLUMNS
 
 NAMES = ["baseline_drift", "deflection_offset", "tape_slip"]
 # Drift and offset look alike; slip is another thing.
@@ -42,6 +43,8 @@ def test_an_effect_too_weak_in_each_campaign_is_plain_in_fifty():
     alike = next(r for r in found.pooled if r["effect"] == "deflection_offset")
     assert alike["instead_of"] == "baseline_drift"
     assert not any(r["holds"] for r in found.campaigns)
+    for name, rows in (("missing_effects", found.campaigns), ("pooled_effects", found.pooled)):
+        assert {tuple(row) for row in rows} == {tuple(COLUMNS[f"{name}.csv"].split())}
 
 
 def test_the_probe_that_has_it_is_named_and_the_other_is_not():

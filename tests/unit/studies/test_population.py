@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -20,6 +21,7 @@ from skinlab.inference.population import (
 )
 from skinlab.inference.samples import choose, group
 from skinlab.studies.population import Posterior, learn, to_toml
+from skinlab.studies.reference import read_reference
 from skinlab.tables.store import shipped_table
 
 NAMES = ("X1_MPa", "X2_MPa", "nu")
@@ -132,6 +134,18 @@ def test_a_prior_of_another_model_or_site_is_refused(identifier, knowing, tmp_pa
     path.write_text(knowing.population.text.replace("freedom", "freedoms", 1))
     with pytest.raises(InputError, match="freedoms"):
         read_prior(path)
+
+
+def test_the_files_of_a_study_are_told_apart(knowing, tmp_path):
+    """It was "unknown field `title`; did you mean sites?"."""
+    prior, reference = tmp_path / "study.toml", tmp_path / "reference.toml"
+    prior.write_text(knowing.population.text)
+    inputs = Path(__file__).parents[2] / "data" / "inputs"
+    reference.write_text((inputs / "reference.toml").read_text())
+    with pytest.raises(InputError, match=r"schema: 'skinlab.reference/1', expected 'skinlab.prior"):
+        read_prior(reference)
+    with pytest.raises(InputError, match=r"schema: 'skinlab.prior/1', expected 'skinlab.reference"):
+        read_reference(prior)
 
 
 def test_without_site_or_age_it_is_wider(knowing):

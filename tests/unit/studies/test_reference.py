@@ -10,6 +10,7 @@ from studies import stiffness_table as table
 
 from skinlab.errors import InputError
 from skinlab.studies.reference import place, read_reference, reference_of, write_reference
+from skinlab.studies.table import Columns
 
 INPUTS = Path(__file__).parents[2] / "data" / "inputs"
 TEXT = (INPUTS / "reference.toml").read_text()
@@ -77,4 +78,18 @@ def test_one_is_made_of_a_study_one_person_one_value(tmp_path):
     assert read_reference(path).range[0].percentiles == one.percentiles
     few, missing = reference_of(table(people=10), "own")
     assert few is None
-    assert "10 people; expected at least 20" in missing[0]
+    assert missing == [
+        "arm, 6 mm, ramp:100@20, all ages, sex any: no reference range of 10 people; expected at "
+        "least 20"
+    ]
+
+
+def test_a_group_of_nobody_is_no_group_that_was_left_out():
+    """Of each opening and program there was a sentence for people of 0 to 20 years of whom none."""
+    whole = table(people=40)
+    ages = np.full(len(whole), "30")
+    text = {**whole.text, "age_years": ages}
+    aged = Columns(text, (*whole.names, "age_years"))
+    made, missing = reference_of(aged, "own", bands=((0.0, 20.0), (20.0, 40.0)))
+    assert missing == []
+    assert [one.age_years for one in made.range] == [None, (20.0, 40.0)]

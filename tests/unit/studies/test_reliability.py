@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import warnings
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,7 +15,9 @@ from skinlab.studies.analysis import FACETS
 from skinlab.studies.components import components
 from skinlab.studies.design import WITHIN, effect
 from skinlab.studies.reliability import reliability, repeats_for
+from skinlab.studies.report import flags_of, people_of
 from skinlab.studies.table import Columns
+from skinlab.studies.whole import COLUMNS
 
 # Shrout and Fleiss 1979, table 2: six targets, four judges.
 JUDGES = np.array(
@@ -197,6 +200,22 @@ def test_what_cannot_be_told_apart_is_said():
         components(np.ones(5), [])
 
 
+def test_one_curve_a_person_has_no_components_and_a_reason():
+    """It was "not enough values to unpack", which is no reason to who reads a study."""
+    y = np.random.default_rng(0).normal(size=24)
+    with pytest.raises(ValueError, match=r"subject cannot be .* from within: each has one curve$"):
+        components(y, [effect("subject", np.arange(24)), effect("site", np.zeros(24, dtype=int))])
+    with pytest.raises(ValueError, match="differ in nothing that is stated"):
+        components(y, [effect("subject", np.zeros(24, dtype=int))])
+    whole = table()
+    text = {**whole.text, "operator": np.full(len(whole), "op")}
+    rows = (whole.text["visit"] == "1") & (whole.text["placement"] == "1")
+    found = reliability(Columns(text, whole.names).where(rows))
+    assert not found.components
+    (why,) = (note for note in found.notes if "no components of variance" in note)
+    assert "each has one curve" in why
+
+
 def test_the_figures_follow_from_the_components():
     found = reliability(table())
     one = found.of("X1_MPa")
@@ -222,6 +241,26 @@ def test_the_figures_follow_from_the_components():
     visit = next(f for f in FACETS if f.name == "visit")
     assert repeats_for(one, 1.0, visit) is None
     assert {r["facet"] for r in found.bland_altman} == {"operator", "visit"}
+
+
+def test_every_figure_has_its_column_and_every_column_is_on_the_page():
+    """A table of nothing had one column that was called `empty`."""
+    whole = table()
+    flagged = Columns({**whole.text, "flags": np.full(len(whole), "frozen")}, whole.names)
+    found = reliability(flagged)
+    made = {
+        "components.csv": found.components, "agreement.csv": found.agreement,
+        "bland_altman.csv": found.bland_altman, "bland_altman_pairs.csv": found.pairs,
+        "trends.csv": found.trends, "people.csv": people_of(flagged, found.of("X1_MPa")),
+        "flags.csv": flags_of(flagged),
+    }  # fmt: skip
+    for name, rows in made.items():
+        keys = dict.fromkeys(key for row in rows for key in row)
+        assert list(keys) == COLUMNS[name].split(), name
+    page = (Path(__file__).parents[3] / "docs/study.md").read_text(encoding="utf-8")
+    for name, columns in COLUMNS.items():
+        told = ", ".join(f"`{column}`" for column in columns.split())
+        assert f"| `{name}` | {told} |" in page
 
 
 def test_days_are_each_persons_first_and_second_visit():

@@ -22,7 +22,9 @@ from click.testing import CliRunner
 from studies import rows_of, study
 
 from skinlab.cli.main import cli
+from skinlab.curves.campaign import read_campaign
 from skinlab.errors import InputError
+from skinlab.exchange.export import export
 from skinlab.inference.identify import Identifier
 from skinlab.recording.audit import Chain, note
 from skinlab.recording.session import example_session, read_session, write_session
@@ -31,6 +33,7 @@ from skinlab.studies.facts import pseudonym
 from skinlab.studies.path_layout import PathLayout
 from skinlab.studies.state import State
 from skinlab.studies.table import Placements
+from skinlab.studies.whole import COLUMNS
 from skinlab.versions import versions
 
 
@@ -210,6 +213,9 @@ def test_every_kind_of_broken_file_is_listed_and_nothing_stops_the_rest(cohort, 
     assert not any("internal error" in reason for reason in reasons.values())
     assert all(name in reason for name, reason in reasons.items())
     assert "larger than 64 MB" in reasons["huge.csv"]
+    assert not any(str(tmp_path) in reason for reason in reasons.values())
+    head = (tmp_path / "out" / "components.csv").read_text().splitlines()
+    assert head == [COLUMNS["components.csv"].replace(" ", ",")]  # of one curve
     assert "link to a folder" in reasons["above"]
     assert reasons["notes.json"].startswith("left alone: ")
     assert "22 files could not be used" in done.output
@@ -445,3 +451,33 @@ def test_what_its_operator_left_out_of_a_session_is_in_no_study(tmp_path, table)
             assert [one.name for one in curves_and_noise(path, {})[0]] == ["curve 1"]
     assert found.rows == ()
     assert found.error.endswith("left out by who measured them; expected one at least")
+
+
+def test_the_export_of_a_session_is_studied_as_the_session(tmp_path):
+    """Its table did not say whose the curves are; what was left out or cut short counted."""
+    session, path = read_session(example_session()), tmp_path / "in" / "visit.h5"
+    first, second = session.curves
+    numbers = ("time_s", "pressure_mbar", "deflection_mm")
+    begun = {name: getattr(first, name)[:60] for name in numbers}
+    cut = replace(first, name="curve 3", partial=True, segment=None, **begun)
+    deed = note(9e9, 9e9, "me", "curve excluded", {"curve": 2, "text": "a loose tape"})
+    records = (*session.records, Chain(session.records).add(deed))
+    path.parent.mkdir()
+    curves, results = (first, second, cut), (*session.results, None)
+    write_session(path, replace(session, records=records, curves=curves, results=results))
+    files = export(read_session(path), "csv", tmp_path / "exported")
+    whose = ("subject", "site", "visit", "operator", "probe", "partial", "X1_MPa")
+    told = []
+    for folder in ("in", "exported"):
+        done = study(tmp_path / folder, "--out", tmp_path / f"{folder}_out", "--workers", 1)
+        rows = rows_of(tmp_path / f"{folder}_out" / "curves.csv")
+        told.append([tuple(row[name] for name in whose) for row in rows])
+        assert done.return_value == 0, done.output
+    assert told[0] == told[1]
+    assert [row[:3] for row in told[0]] == [("SIM-1", "simulated forearm", told[0][0][2])] * 2
+    assert [row[5] for row in told[0]] == ["false", "true"]
+    (failure,) = rows_of(tmp_path / "exported_out" / "failures.csv")
+    assert failure["reason"].endswith("curve_0002.csv: its operator left it out: a loose tape")
+    assert failure["reason"].startswith("left alone: ")
+    together = read_campaign(next(f for f in files if f.suffix == ".toml"))
+    assert [Path(one.name).name for one in together.curves] == ["curve_0001.csv"]

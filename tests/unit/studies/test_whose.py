@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import shutil
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 
@@ -103,7 +104,15 @@ def test_other_sites_are_said_in_text_json_report_and_on_the_screen(folder, caps
     assert run(["compare", str(a1), str(a2)]) == 0
     assert capsys.readouterr().out.startswith(f"{says}\n")
     assert run(["compare", str(a1), str(b), "--between-people", "--json"]) == 0
-    (note,) = json.loads(capsys.readouterr().out)["notes"]
+    document = json.loads(capsys.readouterr().out)
+    page = (Path(__file__).parents[3] / "docs/study.md").read_text(encoding="utf-8")
+    of_json = page.partition("### compare --json")[2].partition("\n## ")[0]
+    whole = (document, document["change"], *document["change"]["parameters"].values())
+    whole += tuple(document["parameters"].values())
+    named = {key for one in whole for key in one} - {"schema"} - set(document["parameters"])
+    assert not [key for key in named if f"`{key}`" not in of_json]
+    assert document["schema"] in of_json
+    (note,) = document["notes"]
     assert note.startswith("The difference is between two people")
     identifier = Identifier(table)
     assert section(since(identifier, a1, a2)).paragraphs[0].startswith(says)
