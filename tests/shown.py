@@ -136,6 +136,7 @@ def outcome():
         learned=None,
         learned_from_these=(),
         unlike_model=(),
+        kinds=(),
         found=SimpleNamespace(
             base=base, candidates=[best, second], records=records, implausible="", left_out={}
         ),

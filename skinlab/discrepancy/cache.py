@@ -81,6 +81,7 @@ class _Kept(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     implausible: str
     trials: list[Trial]
     doubted: Candidate | None
+    kinds: tuple[str, ...]
     shares: Shares | None
     error_model: ErrorModelSummary | None
     placement: PlacementSummary | None
@@ -139,6 +140,7 @@ def load(name: str, records: Sequence[Record], folder: Path | None = None) -> Ou
         posteriors=kept.posteriors,
         trials=tuple(kept.trials),
         doubted=kept.doubted,
+        kinds=kept.kinds,
         shares=kept.shares,
         error_model=kept.error_model,
         placement=kept.placement,
@@ -167,6 +169,7 @@ def save(name: str, outcome: Outcome, folder: Path | None = None) -> None:
         found.implausible,
         list(outcome.trials),
         outcome.doubted,
+        outcome.kinds,
         outcome.shares,
         outcome.error_model,
         outcome.placement,

@@ -8,7 +8,7 @@ as it is by more than chance, and about as well as may be expected.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -33,6 +33,7 @@ from skinlab.discrepancy.settings import NAMES, SEARCH
 from skinlab.inference.covariance import Covariance
 from skinlab.inference.error_choice import ErrorChoice, Node
 from skinlab.inference.noise import legendre
+from skinlab.mechanics.effects import get_effect
 from skinlab.mechanics.names import is_logarithmic, label
 
 Array = NDArray[np.float64]
@@ -142,7 +143,8 @@ class Discipline:
         everything = np.ones(sum(len(r.curve) for r in self._records), dtype=bool)
         whole = self.ahead(best, base, everything)
         odds = best.log10_evidence - whole  # of the prior, and what fewer settings change
-        found = [self._size(best, base), self._smooth(best, base), self._steps(best, base)]
+        found = [*self._seen(best, base), self._size(best, base), self._smooth(best, base)]
+        found.append(self._steps(best, base))
         found.append(self._again(best, base, self._rivals(best, others, tied), odds))
         if parts:
             found.append(self._chosen_again(best, base, rivals, parts))
@@ -157,6 +159,13 @@ class Discipline:
                 )
             )
         return found
+
+    def _seen(self, best: Candidate, base: Candidate) -> Iterator[Trial]:
+        """Tell of effects that curves as long as these cannot show."""
+        longest_s = max(float(np.ptp(r.curve.time_s)) for r in self._records)
+        for name, values in best.fit.unknowns.values(best.fit.u).items():
+            if name not in base.effects and (why := get_effect(name).unseen(values, longest_s)):
+                yield Trial("seen", False, why)
 
     def _size(self, best: Candidate, base: Candidate) -> Trial:
         changed = np.concatenate(best.fit.deflections_mm) - np.concatenate(base.fit.deflections_mm)

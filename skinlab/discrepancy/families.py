@@ -29,6 +29,7 @@ from skinlab.discrepancy.starts import middle_of
 from skinlab.discrepancy.unknowns import Known, Unknowns
 from skinlab.errors import BrokenPluginError
 from skinlab.mechanics.effects import EFFECTS, all_effects
+from skinlab.mechanics.effects.installed import check_series
 from skinlab.mechanics.effects.learned import PRIOR_SIZES, LearnedEffect, Seen
 from skinlab.mechanics.fem.suction import SCREENING_MESH
 from skinlab.plugins import reason, warn
@@ -291,13 +292,9 @@ class Learned:
     y: Array
     low: Array
     high: Array
+    sentence: str  # what kind of thing it is
     share_of_gap: float
     nearest: tuple[str, ...]
-
-    @property
-    def sentence(self) -> str:
-        """What kind of thing it is."""
-        return f"something that {self.family.sentence(self.x, self.y)}"
 
 
 def describe_learned(
@@ -320,9 +317,17 @@ def describe_learned(
     each = [posterior.unknowns.values(u)[one.name] for u in posterior.u]
     with EFFECTS.at_work(one.name):
         x = one.abscissa(seen)
-        draws = one.shown(x, np.array([one.function(x, values) for values in each]))
-    low, y, high = (_quantile(draws, posterior.weight, q) for q in (0.05, 0.5, 0.95))
-    return Learned(one, x, y, low, high, share_of_gap, _nearest(base, found, candidate))
+        functions = [one.function(x, values) for values in each]
+        for function in functions:
+            check_series("function", function, x.shape, x)
+        draws = one.shown(x, np.array(functions))
+        check_series("shown", draws, (len(each), *x.shape), x)
+        low, y, high = (_quantile(draws, posterior.weight, q) for q in (0.05, 0.5, 0.95))
+        says: object = one.sentence(x, y)
+        if not isinstance(says, str):
+            raise TypeError(f"sentence returned {says!r}; expected a text")
+    sentence, nearest = f"something that {says}", _nearest(base, found, candidate)
+    return Learned(one, x, y, low, high, sentence, share_of_gap, nearest)
 
 
 def _quantile(draws: Array, weight: Array, q: float) -> Array:

@@ -46,6 +46,7 @@ class Outcome:
     posteriors: dict[tuple[str, ...], Posterior] = field(default_factory=dict)
     trials: tuple[Trial, ...] = ()  # what the first explanation had to stand
     doubted: Candidate | None = None  # the one that did not stand them, where there is no other
+    kinds: tuple[str, ...] = ()  # of unknown functions: each would do, none is ahead
     shares: Shares | None = None  # of the gap
     error_model: ErrorModelSummary | None = None  # of the samples, under what is chosen
     placement: PlacementSummary | None = None
@@ -117,6 +118,7 @@ class Outcome:
             "placement": self.placement and asdict(self.placement),
             "learned_from_these": self.learned_from_these,
             "unlike_model": list(self.unlike_model),
+            "kinds": list(self.kinds),
             "trials": [
                 {"name": t.name, "passed": t.passed, "sentence": t.sentence} for t in self.trials
             ],

@@ -66,7 +66,7 @@ def _verdict(outcome: Outcome) -> str:
             tied = f"Something is missing, and these explanations are tied: {'; '.join(names)}."
             return f"{tied}{in_all_words([c.effects for c in outcome.verdict.explanations], own)}"
         case "unknown":
-            return f"Something is missing{_unknown_words(outcome)}."
+            return f"Something is missing{_unknown_words(outcome)}.{_kinds_words(outcome)}"
 
 
 def _unknown_words(outcome: Outcome) -> str:
@@ -91,6 +91,14 @@ def _unknown_words(outcome: Outcome) -> str:
         ". What would explain it to within the noise is not to be believed: for a name it is "
         "too little likelier than the model as it is"
     )
+
+
+def _kinds_words(outcome: Outcome) -> str:
+    """Return between which kinds of functions the data cannot decide."""
+    kinds = [kind.replace("_", " ") for kind in outcome.kinds]
+    if not kinds:
+        return ""
+    return f" Smooth functions of several kinds explain it equally well: {', '.join(kinds)}."
 
 
 def in_all_words(explanations: Sequence[Collection[str]], own: Collection[str] = ()) -> str:

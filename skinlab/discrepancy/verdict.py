@@ -98,6 +98,16 @@ def decide_learned(found: Found) -> Verdict:
     return Verdict("learned", sorted(alike, key=lambda c: -c.log10_evidence))
 
 
+def tied_kinds(found: Found) -> tuple[str, ...]:
+    """Return the kinds of functions of which several do equally well; none where one is ahead."""
+    good = [c for c in found.candidates if c.kind and _learns(c, found)]
+    best = max((c.log10_evidence for c in good), default=0.0)
+    near = [c for c in good if c.log10_evidence > max(best - NAMES.tie, found.tie)]
+    near.sort(key=lambda c: -c.log10_evidence)
+    kinds = tuple(dict.fromkeys(c.kind for c in near))
+    return kinds if len(kinds) > 1 else ()
+
+
 def _learns(one: Candidate, found: Found) -> bool:
     """Return whether what a family leaves may be noise, but for a little."""
     noise = found.errors.count

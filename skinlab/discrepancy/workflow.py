@@ -35,6 +35,7 @@ from skinlab.discrepancy.verdict import (
     disciplined,
     may_be_chance,
     outdone_by_names,
+    tied_kinds,
 )
 from skinlab.errors import InputError
 from skinlab.inference.error_judgement import judge_errors
@@ -125,6 +126,7 @@ class _Tried:
     doubted: Candidate | None = None  # what did not stand them
     # What could not be told apart in parts of the data; None where that is not why it failed
     open: Verdict | None = None
+    kinds: tuple[str, ...] = ()  # of functions, of which each would do
 
     @property
     def failed(self) -> set[str]:
@@ -146,6 +148,8 @@ def _told(search: Search, found: Found, progress: Callable[[str], None]) -> _Tri
         tried = _or_a_motion(search, tried, found)
     if tried.verdict.name == "unknown":
         tried = _told_otherwise(search, tried, found, learned)
+    if tried.verdict.name == "unknown":
+        tried = replace(tried, kinds=tied_kinds(learned))
     return tried
 
 
@@ -232,6 +236,7 @@ def _outcome(
         alike=alike(found.signatures),
         trials=tried.trials,
         doubted=None if verdict.explanations else tried.doubted,
+        kinds=tried.kinds,
         shares=shares,
         error_model=said.summary,
         placement=said.placement,

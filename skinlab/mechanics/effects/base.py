@@ -79,6 +79,10 @@ class Effect:
         """Return the same where it depends on the suction (n,) that was read, too."""
         return self.read(since_s, deflection_mm, values)
 
+    def unseen(self, values: Values, longest_s: float) -> str:
+        """Return why curves no longer than this cannot show it with these values; "": they can."""
+        return ""
+
     # ---- the same for all ----
 
     def full(self, values: Values) -> dict[str, float]:

@@ -42,5 +42,12 @@ class PeriodicMotion(Effect):
         angle = 2.0 * np.pi * values["frequency_hz"] * since_s
         return np.asarray(deflection_mm + 1e-3 * values["amplitude_um"] * np.sin(angle))
 
+    def unseen(self, values: Values, longest_s: float) -> str:
+        """Ask for one whole period: less of it is a drift that bends."""
+        period_s = 1.0 / values["frequency_hz"]
+        if period_s <= longest_s:
+            return ""
+        return f"a period of {period_s:.0f} s is longer than any curve ({longest_s:.0f} s)"
+
 
 EFFECT = PeriodicMotion()

@@ -50,7 +50,9 @@ from skinlab.discrepancy.verdict import (
     disciplined,
     may_be_chance,
     outdone_by_names,
+    tied_kinds,
 )
+from skinlab.mechanics.effects import all_effects, get_effect
 from skinlab.mechanics.effects.model import felt_path, solve_skin
 from skinlab.mechanics.fem.skin import SkinProblem
 from skinlab.mechanics.fem.suction import Geometry
@@ -363,6 +365,28 @@ def test_functions_of_one_kind_are_one_answer():
     assert verdict.explanations == [bow, curve]
     assert verdict.without(0).explanations == [bow]
     assert (verdict.without(1).name, verdict.without(1).explanations) == ("learned", [curve])
+
+
+def test_kinds_of_functions_that_do_equally_well_are_told():
+    """Nothing was said of them: as if none had explained anything."""
+    ones = [candidate((f"learned_{n}",), e) for n, e in (("frame", 9), ("time", 8.5), ("law", 7.0))]
+    base = candidate((), 0.0, BAD)
+    found = SimpleNamespace(
+        candidates=ones, base=base, tie=1.3, errors=SimpleNamespace(count=1), implausible=""
+    )
+    assert decide_learned(found).name == "unknown"
+    assert tied_kinds(found) == ("frame", "time")
+    assert tied_kinds(SimpleNamespace(**{**vars(found), "candidates": ones[1:]})) == ()
+    assert tied_kinds(SimpleNamespace(**{**vars(found), "candidates": []})) == ()
+
+
+def test_less_than_a_period_is_no_motion():
+    """A zero that went with the square of time was a motion of 0.05 Hz beside a drift."""
+    one = get_effect("periodic_motion")
+    values = {"amplitude_um": 20.0, "frequency_hz": 0.05}
+    assert one.unseen(values, 10.5) == "a period of 20 s is longer than any curve (10 s)"
+    assert one.unseen(values, 20.0) == ""
+    assert all(e.unseen(e.typical, 0.0) == "" for e in all_effects() if e is not one)
 
 
 def test_where_nothing_fits_it_is_unknown():

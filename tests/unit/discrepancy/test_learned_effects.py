@@ -25,6 +25,7 @@ from skinlab.discrepancy.discipline import Discipline
 from skinlab.discrepancy.families import (
     Promise,
     ask_family,
+    describe_learned,
     families,
     find_families,
     fit_family,
@@ -315,6 +316,32 @@ def test_what_is_learned_is_told_adopted_and_used(table, tmp_path):
     assert base.fit.chi2 < 1.3 * len(search.fitter.measured)
     axis = unknowns_of(model).axes[0]
     assert axis.prior[1] < 1.0  # what was learned is its prior
+
+
+@pytest.mark.parametrize(
+    ("part", "returns", "why"),
+    [
+        ("function", 0.5, r"function returned float; expected an array of the shape \(\d+,\)"),
+        ("shown", np.zeros(3), r"shown returned an array of the shape \(3,\)"),
+        ("sentence", None, "sentence returned None; expected a text"),
+    ],
+)
+def test_a_family_that_says_nothing_it_can_be_drawn_by_is_told(monkeypatch, part, returns, why):
+    """It was an internal error, or something that "None"."""
+    one = get_effect("learned_time")
+    monkeypatch.setattr(type(one), part, lambda *_: returns)
+    hidden = campaign(HOLDS)
+    records = records_of(hidden)
+    base = SimpleNamespace(
+        effects=(), deflections_mm=[r.straight_mm for r in records], unknowns=Unknowns(())
+    )
+    unknowns = Unknowns((one.name,))
+    posterior = SimpleNamespace(
+        unknowns=unknowns, u=np.zeros((2, len(unknowns))), weight=np.array([0.5, 0.5])
+    )
+    best = SimpleNamespace(effects=(one.name,))
+    with pytest.raises(TypeError, match=why):
+        describe_learned(base, SimpleNamespace(records=records), best, posterior, 0.5)
 
 
 @pytest.mark.parametrize("one", families(), ids=lambda one: one.name)

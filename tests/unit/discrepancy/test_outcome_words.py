@@ -64,10 +64,12 @@ def test_what_is_ahead_is_never_said_to_be_behind():
     assert behind_words(2.0) == "100 times less likely"
 
 
-def unknown(*candidates, trials=(), implausible="", base_p=1e-9):
+def unknown(*candidates, trials=(), implausible="", base_p=1e-9, kinds=()):
     found = Found(candidate([], 0.0, base_p), {}, list(candidates), implausible=implausible)
     return verdict_words(
-        SimpleNamespace(verdict=Verdict("unknown", []), found=found, trials=trials, unlike_model=())
+        SimpleNamespace(
+            verdict=Verdict("unknown", []), found=found, trials=trials, unlike_model=(), kinds=kinds
+        )
     )
 
 
@@ -82,6 +84,9 @@ def test_why_what_would_explain_has_no_name_is_said_with_the_verdict():
     assert unknown(good, trials=(stood, again)) == f"{no}it is not there without c1.csv."
     assert unknown(bad, good) == f"{no}something that leaves more is 20 times likelier."
     assert "too little likelier than the model as it is" in unknown(candidate([ZERO], 0.3))
+    assert unknown(kinds=("sensor_curve", "time")) == (
+        f"{nothing} Smooth functions of several kinds explain it equally well: sensor curve, time."
+    )
     pulse = "pulse of 7.5 µm (more than 5 µm is no error)"
     large = (
         "Something is missing. What leaves no more than errors is not to be believed, since these "
