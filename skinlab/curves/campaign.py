@@ -16,7 +16,7 @@ from skinlab.curves.program import parse_program
 from skinlab.curves.program_check import check_program
 from skinlab.errors import InputError
 from skinlab.io.documents import decode, read_toml
-from skinlab.io.files import real_path
+from skinlab.io.files import named_in_errors, real_path
 from skinlab.plugins import warn
 
 
@@ -61,12 +61,8 @@ def read_campaign(path: Path) -> Campaign:
         InputError: the file or one of its curves is wrong; names file and field or line. A curve
             outside the campaign's folder is refused, and one that was measured by another program.
     """
-    try:
+    with named_in_errors(path):
         data = decode(read_toml(read_whole(path)), _File)
-    except OSError as error:
-        raise InputError(f"{path}: {error.strerror or error}") from None
-    except ValueError as error:
-        raise InputError(f"{path}: {error}") from None
     if not data.curve:
         raise InputError(f"{path}: no [[curve]]; expected at least one")
     noise, pressure_noise = data.campaign.noise_um, data.campaign.pressure_noise_mbar

@@ -12,7 +12,7 @@ from numpy.typing import DTypeLike, NDArray
 
 from drivers.reading import require_file
 from skinlab.errors import InputError
-from skinlab.io.files import whole_file
+from skinlab.io.files import named_in_errors, whole_file
 
 # What a file may claim to hold: compressed numbers are seldom a tenth of their size.
 _MOST_PER_BYTE = 50
@@ -30,10 +30,8 @@ def open_hdf5(path: Path) -> Iterator[Any]:
     import h5py
 
     path = Path(path)
-    try:
+    with named_in_errors(path):
         require_file(path)
-    except OSError as error:
-        raise InputError(f"{path}: {error.strerror or error}") from None
     try:
         with h5py.File(path, "r") as file:
             _check_content(path, file)

@@ -24,6 +24,7 @@ from skinlab.curves.apertures import check_aperture
 from skinlab.curves.program import parse_program
 from skinlab.errors import InputError
 from skinlab.io.documents import decode, read_toml, toml_text
+from skinlab.io.files import named_in_errors
 from skinlab.report.page import Section, Table
 from skinlab.studies.analysis import main_scale, usable
 from skinlab.studies.settings import REFERENCES
@@ -137,12 +138,8 @@ def read_reference(path: Path) -> Reference:
     Raises:
         InputError: it cannot be read, or a field is unknown, missing or wrong.
     """
-    try:
+    with named_in_errors(path):
         return decode(read_toml(read_whole(path)), Reference)
-    except OSError as error:
-        raise InputError(f"{path}: {error.strerror or error}") from None
-    except ValueError as error:
-        raise InputError(f"{path}: {error}") from None
 
 
 def write_reference(reference: Reference) -> str:

@@ -27,7 +27,7 @@ from drivers.reading import read_whole
 from skinlab.errors import InputError
 from skinlab.exchange.importing.folder import SUFFIXES
 from skinlab.io.documents import read_toml
-from skinlab.io.files import cannot_read, file_hash, real_path
+from skinlab.io.files import cannot_read, file_hash, named_in_errors, real_path
 from skinlab.mechanics.names import parameter_of
 from skinlab.recording.load_inputs import SESSIONS
 from skinlab.studies.facts import LABELS, NOISE, SETUP, Facts, checked
@@ -266,11 +266,8 @@ def read_table(path: Path) -> Table | None:
     Raises:
         InputError: it is one, and cannot be read.
     """
-    try:
-        with path.open("rb") as file:
-            head = file.read(_HEAD_BYTES)
-    except OSError as error:
-        raise InputError(f"{path}: {error.strerror or error}") from None
+    with named_in_errors(path), path.open("rb") as file:
+        head = file.read(_HEAD_BYTES)
     first = head.split(b"\n", 1)[0].decode("utf-8-sig", errors="replace").strip()
     sign = max(",;\t", key=first.count)
     columns = tuple(_column(c.strip().strip('"')) for c in first.split(sign))
