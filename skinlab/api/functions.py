@@ -13,7 +13,7 @@ from typing import Any, Literal
 from drivers.numbers import number_in
 from skinlab.api.arguments import check_workers, checked
 from skinlab.api.explaining import base_model, hashes_of, outcome_of
-from skinlab.api.identifiers import compose_identifier, find_table
+from skinlab.api.identifiers import check_stated, compose_identifier, find_table
 from skinlab.api.paths import PathLike, as_path
 from skinlab.api.results import (
     Campaign,
@@ -181,8 +181,8 @@ def identify_joint(
     if isinstance(placement_scatter, str):
         if placement_scatter != "auto":
             raise InputError(f"placement_scatter {placement_scatter!r}: expected auto or a number")
-    elif placement_scatter is not None and not 0 <= placement_scatter < 1:
-        raise InputError(f"placement_scatter {placement_scatter:g}: expected 0 to below 1")
+    else:
+        check_stated("placement_scatter", placement_scatter)
     identifier = compose_identifier(
         method=method,
         model=model,

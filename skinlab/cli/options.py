@@ -333,11 +333,13 @@ def _read_scatter(
 ) -> float | str | None:
     if text in (None, "auto"):
         return text
+    from skinlab.curves.campaign import range_missed  # slow to import
+
     try:
         value = number_in(text)
     except ValueError:
         value = -1.0
-    if not 0.0 <= value < 1.0:
+    if range_missed("placement_scatter", value) is not None:
         raise click.BadParameter(f"{text}: expected auto, or 0 to below 1")
     return value
 
