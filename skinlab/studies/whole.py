@@ -181,6 +181,11 @@ def _broken(failures: Sequence[Mapping[str, str]]) -> int:
     return len({f["file"] for f in failures if not f["reason"].startswith(LEFT_ALONE)})
 
 
+def _left_alone(failures: Sequence[Mapping[str, str]]) -> int:
+    """Return how many files nobody would take for curves."""
+    return len({f["file"] for f in failures if f["reason"].startswith(LEFT_ALONE)})
+
+
 def _write(
     out: Path,
     identifier: Identifier,
@@ -213,18 +218,14 @@ def _write(
         else:
             write_file(out / name, text, replace=True)
             files.append(name)
-    count, identified = len(table), _identified(table)
-    copies = int((table.text["same_as"] != "").sum())
-    broken = _broken(failures)
-    left_alone = len({f["file"] for f in failures if f["reason"].startswith(LEFT_ALONE)})
     document: dict[str, Any] = {
         "schema": SCHEMA,
         "folder": str(out),
-        "curves": count,
-        "curves_identified": identified,
-        "curves_copied": copies,
-        "files_not_used": broken,
-        "files_left_alone": left_alone,
+        "curves": len(table),
+        "curves_identified": _identified(table),
+        "curves_copied": int((table.text["same_as"] != "").sum()),
+        "files_not_used": _broken(failures),
+        "files_left_alone": _left_alone(failures),
         "failures": failures,
         "settings": json.loads(settings_of(identifier)),
         "versions": versions(),
@@ -234,31 +235,28 @@ def _write(
         if effects is None
         else {"campaigns": list(effects.campaigns), "pooled": list(effects.pooled)},
         "notes": [*found.notes, *missing, *doubts],
-        "files": [name for name in files if (out / name).exists()],
+        "files": [*(name for name in files if (out / name).exists()), "study.json", CRATE],
     }
-    document["files"] += ["study.json", CRATE]
     write_file(out / "study.json", json_text(document) + "\n", replace=True)
     crate = ro_crate(
         out,
         {name: MEANING[name] for name in document["files"] if name != CRATE},
         name=f"skinlab study {out.resolve().name}",
-        description=f"{count} suction curves of skin, identified and judged",
+        description=f"{document['curves']} suction curves of skin, identified and judged",
         date=now.isoformat(timespec="seconds"),
         versions=document["versions"],
         licence="Not stated. Data about people: not to be passed on without the owner's consent.",
     )
     write_file(out / CRATE, crate, replace=True)
-    lines = [f"{identified} of {counted(count, 'curve')} identified: {out / 'curves.csv'}"]
-    if copies:
-        lines.append(f"{counted(copies, 'curve')} a second time (same_as), not counted again")
-    lines += doubts
-    lines += _lines(found)
-    lines += _repeat_lines(document["repeats"] or ())
-    lines += _effect_lines(effects)
-    for number, words in ((broken, "could not be used"), (left_alone, "left alone")):
-        if number:
-            lines.append(f"{counted(number, 'file')} {words}, see {out / 'failures.csv'}")
-    return Made(document, tuple(lines), tuple(notices), broken)
+    lines = [
+        *_count_lines(document, out / "curves.csv"),
+        *doubts,
+        *_lines(found),
+        *_repeat_lines(document["repeats"] or ()),
+        *_effect_lines(effects),
+        *_file_lines(document, out / "failures.csv"),
+    ]
+    return Made(document, tuple(lines), tuple(notices), document["files_not_used"])
 
 
 def _posteriors(state: State, layout: Layout, identifier: Identifier) -> Iterator[Posterior]:
@@ -336,6 +334,23 @@ def _summary(found: Reliability) -> list[dict[str, Any]]:
             }
         )
     return summary
+
+
+def _count_lines(document: Mapping[str, Any], table: Path) -> list[str]:
+    count, copies = document["curves"], document["curves_copied"]
+    lines = [f"{document['curves_identified']} of {counted(count, 'curve')} identified: {table}"]
+    if copies:
+        lines.append(f"{counted(copies, 'curve')} a second time (same_as), not counted again")
+    return lines
+
+
+def _file_lines(document: Mapping[str, Any], failures: Path) -> list[str]:
+    kinds = (("files_not_used", "could not be used"), ("files_left_alone", "left alone"))
+    return [
+        f"{counted(document[name], 'file')} {words}, see {failures}"
+        for name, words in kinds
+        if document[name]
+    ]
 
 
 def _lines(found: Reliability) -> list[str]:
