@@ -101,20 +101,7 @@ def _identifier_of(session: Session, database_path: Path | None) -> tuple[Identi
         said = msgspec.convert(settings, _Settings)
     except ValueError as error:
         raise _damaged(error) from None
-    try:
-        method = get_method(said.method)
-    except InputError as error:
-        raise InputError(f"the session's field identification: {error}") from None
-    try:
-        options = Options(
-            samples=said.samples,
-            best=said.best,
-            tolerance_um=said.tolerance_um,
-        ).having(**_own(said, settings))
-        check(options)
-        method.check(options)
-    except ValueError as error:  # InputError is one
-        raise _damaged(error) from None
+    options = _options(said, settings)
     stated = said.database_hash
     database = _database(stated, said.database_path, database_path)
     identifier = Identifier(
@@ -175,6 +162,29 @@ def _database(stated: str | None, was: str | None, is_: Path | None) -> Table:
     if found.content_hash != stated:
         raise InputError(f"{asked}, where now is another one; name it with --database")
     return found
+
+
+def _options(said: _Settings, settings: dict[str, Any]) -> Options:
+    """Return the options of the method.
+
+    Raises:
+        InputError: there is no such method, or it does not take one of them.
+    """
+    try:
+        method = get_method(said.method)
+    except InputError as error:
+        raise InputError(f"the session's field identification: {error}") from None
+    try:
+        options = Options(
+            samples=said.samples,
+            best=said.best,
+            tolerance_um=said.tolerance_um,
+        ).having(**_own(said, settings))
+        check(options)
+        method.check(options)
+    except ValueError as error:  # InputError is one
+        raise _damaged(error) from None
+    return options
 
 
 def _own(said: _Settings, settings: dict[str, Any]) -> dict[str, Any]:
