@@ -89,22 +89,19 @@ def command(
         for path, session in zip(paths, sessions, strict=True)
     ]
     found = compare(*results[:2])
-    sides = [
-        change.side_of(session, result) for session, result in zip(sessions, results, strict=True)
-    ]
+    first, second, *beside = map(change.side_of, sessions, results)
     judged = change.changes(
-        sides[0],
-        sides[1],
+        first,
+        second,
         study=study,
-        control=(sides[2], sides[3]) if control else None,
+        control=(beside[0], beside[1]) if control else None,
         placement_scatter=stated,
         relevant_percent=relevant,
     )
     days = [measured_utc(session.meta) for session in sessions]
     if as_json:
-        files = [str(path) for path in paths]
         more = {
-            "files": files,
+            "files": [str(path) for path in paths],
             "measured_utc": [day or None for day in days],
             "notes": list(notes),
             "change": judged.to_json(),
@@ -113,11 +110,7 @@ def command(
         return 0
     for sentence in notes:
         echo_text(sentence)
-    named = [
-        f"{path.name} ({f'measured {day[:10]}' if day else 'nobody stated when it was measured'})"
-        for path, day in zip(paths, days, strict=True)
-    ]
-    echo(f"Before: {named[0]}. After: {named[1]}.")
+    echo(f"Before: {_dated(before, days[0])}. After: {_dated(after, days[1])}.")
     for line in change.in_words(judged):
         echo(line)
     echo(f"If nothing but {found.counted} differed between the sessions:")
@@ -126,3 +119,8 @@ def command(
     for line in in_words(found):
         echo(f"  {line}")
     return 0
+
+
+def _dated(path: Path, day: str) -> str:
+    when = f"measured {day[:10]}" if day else "nobody stated when it was measured"
+    return f"{path.name} ({when})"
