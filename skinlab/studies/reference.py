@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import pairwise
+from itertools import pairwise, product
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -75,6 +75,11 @@ class Range(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tru
         except ValueError:
             raise ValueError("percentiles: expected names such as '5'") from None
         return [p for p, _ in pairs], [v for _, v in pairs]
+
+    @property
+    def narrowed(self) -> int:
+        """By how many of sex and age it is of some people only."""
+        return (self.sex != ANY) + (self.age_years is not None)
 
     @property
     def words(self) -> str:
@@ -208,9 +213,8 @@ def place(
         here = left
     best: dict[str, Range] = {}
     for one in here:  # a range for this sex and age says more than one for all
-        narrow = (one.sex != ANY) + (one.age_years is not None)
         other = best.get(one.quantity)
-        if other is None or narrow > (other.sex != ANY) + (other.age_years is not None):
+        if other is None or one.narrowed > other.narrowed:
             best[one.quantity] = one
     return [
         _placed(reference, one, values[name])
@@ -292,8 +296,8 @@ def reference_of(
     missing: list[str] = []
     ages = kept.number("age_years") if "age_years" in kept.names else None
     sexes = kept.text["sex"] if "sex" in kept.names else None
-    groups: list[tuple[float, float] | None] = [None, *(bands if ages is not None else ())]
-    wanted = [ANY, *(["f", "m"] if by_sex and sexes is not None else [])]
+    bands_of: list[tuple[float, float] | None] = [None, *(bands if ages is not None else ())]
+    sexes_of = [ANY, *(["f", "m"] if by_sex and sexes is not None else [])]
     keys = sorted(
         set(zip(*(kept.text[n].tolist() for n in ("site", "aperture_mm", "program")), strict=True))
     )
@@ -306,26 +310,25 @@ def reference_of(
             & (kept.text["aperture_mm"] == aperture)
             & (kept.text["program"] == program)
         )
-        for band in groups:
-            for sex in wanted:
-                mask = here
-                if band is not None and ages is not None:
-                    mask = mask & (ages >= band[0]) & (ages < band[1])
-                if sex != ANY and sexes is not None:
-                    mask = mask & (sexes == sex)
-                rows = kept.where(mask)
-                people = len(np.unique(rows.text["subject"]))
-                if people < REFERENCES.fewest_people:
-                    who = f"{band[0]:g} to {band[1]:g} years" if band else "all ages"
-                    missing.append(
-                        f"{site or 'no site'}, {who}, sex {sex}: no reference range of {people} "
-                        f"people; expected at least {REFERENCES.fewest_people}"
-                    )
-                    continue
-                for quantity in kept.quantities:
-                    one = _range(rows, quantity, site or "not stated", aperture, program, sex, band)
-                    if one is not None:
-                        ranges.append(one)
+        for band, sex in product(bands_of, sexes_of):
+            mask = here
+            if band is not None and ages is not None:
+                mask = mask & (ages >= band[0]) & (ages < band[1])
+            if sex != ANY and sexes is not None:
+                mask = mask & (sexes == sex)
+            rows = kept.where(mask)
+            people = len(np.unique(rows.text["subject"]))
+            if people < REFERENCES.fewest_people:
+                who = f"{band[0]:g} to {band[1]:g} years" if band else "all ages"
+                missing.append(
+                    f"{site or 'no site'}, {who}, sex {sex}: no reference range of {people} "
+                    f"people; expected at least {REFERENCES.fewest_people}"
+                )
+                continue
+            for quantity in kept.quantities:
+                one = _range(rows, quantity, site or "not stated", aperture, program, sex, band)
+                if one is not None:
+                    ranges.append(one)
     if not ranges:
         return None, missing
     made = Reference(
