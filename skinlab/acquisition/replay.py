@@ -25,7 +25,7 @@ from skinlab.inference.problem import Options, check
 from skinlab.inference.result import Identification
 from skinlab.inference.uncertainty import Sensor
 from skinlab.mechanics.model_file import decode_model
-from skinlab.recording.recorded import dialect_of, recorded_items
+from skinlab.recording.recorded_items import dialect_of, recorded_items
 from skinlab.recording.session import Session
 from skinlab.recording.stream import CurveCompleted, Message
 from skinlab.tables.store import read, shipped_grid, shipped_table

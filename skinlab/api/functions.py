@@ -430,9 +430,9 @@ def study(
     import os
     from datetime import UTC, datetime
 
+    from skinlab.studies.make_study import make_study
     from skinlab.studies.run import How
     from skinlab.studies.sources import Plan
-    from skinlab.studies.whole import make_study
 
     if dask is not None and workers is not None:
         raise InputError("dask and workers exclude each other")

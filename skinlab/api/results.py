@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from skinlab.mechanics.model_file import Model
     from skinlab.recording import session as sessions
     from skinlab.report.measured import Measured
-    from skinlab.studies.whole import Made
+    from skinlab.studies.make_study import Made
     from skinlab.tables.table import Table
 
 _MANY = 40  # lines of a text, after which a notebook shows fewer
@@ -386,7 +386,7 @@ class Identification(Document):
         return ", ".join(said + list(self._found.flags)) or str(self._found.error)
 
     def _figure(self) -> Figure | None:
-        from skinlab.inference.stored import stored_result
+        from skinlab.inference.stored_results import stored_result
         from skinlab.report.fitted import fit_again
         from skinlab.report.measured import Judged, Measured
         from skinlab.report.plots import draw_fit

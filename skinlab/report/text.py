@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from drivers.dose import Dose
     from skinlab.inference.error_judgement import ErrorModelSummary, PlacementSummary
     from skinlab.inference.result import Advice, Identification
-    from skinlab.inference.stored import StoredErrors
+    from skinlab.inference.stored_results import StoredErrors
 
 _CONTRADICTED = re.compile(
     r"stated ([0-9.e+-]+) µm, found ([0-9.e+-]+) µm[^;]*"

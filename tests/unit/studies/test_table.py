@@ -423,7 +423,7 @@ def test_without_dask_a_sentence_says_what_to_install(cohort, tmp_path, monkeypa
 def test_without_pictures_all_else_is_written(cohort, made, tmp_path, monkeypatch):
     out = tmp_path / "study"
     shutil.copytree(made[0], out)
-    monkeypatch.setattr("skinlab.studies.whole.have_pictures", lambda: False)
+    monkeypatch.setattr("skinlab.studies.make_study.have_pictures", lambda: False)
     done = study(cohort, "--out", out, "--workers", 1)
     assert "pip install 'skinlab[pictures]'" in done.stderr
     assert not (out / "report.html").exists()
