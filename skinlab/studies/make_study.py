@@ -321,7 +321,7 @@ def _summary(found: Reliability) -> list[dict[str, Any]]:
         agreement = [
             {k: v for k, v in row.items() if k not in one.key}
             for row in found.agreement
-            if all(row[k] == v for k, v in one.key.items()) and row["k"] == 1
+            if one.owns(row) and row["k"] == 1
         ]
         summary.append(
             {
@@ -361,10 +361,8 @@ def _lines(found: Reliability) -> list[str]:
         assert one.found is not None
         shares = ", ".join(f"{p.name} {100 * p.share:.0f} %" for p in one.found.parts)
         lines.append(f"{one.quantity} ({one.condition}; {one.people} people): {shares}")
-        for row in found.agreement:
-            if all(row[k] == v for k, v in one.key.items()) and (
-                row["by"] == "components" and row["measure"] == "MDC95 %" and row["k"] == 1
-            ):
+        for row in filter(one.owns, found.agreement):
+            if row["by"] == "components" and row["measure"] == "MDC95 %" and row["k"] == 1:
                 lines.append(
                     f"  smallest change that can be shown, {words[str(row['facet'])]}: "
                     f"{row['value']:.0f} %"

@@ -77,6 +77,12 @@ class Range(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tru
         return [p for p, _ in pairs], [v for _, v in pairs]
 
     @property
+    def span(self) -> tuple[float, float]:
+        """The values of the outermost percentiles."""
+        _, values = self.points
+        return values[0], values[-1]
+
+    @property
     def narrowed(self) -> int:
         """By how many of sex and age it is of some people only."""
         return (self.sex != ANY) + (self.age_years is not None)

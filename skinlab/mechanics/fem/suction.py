@@ -210,10 +210,7 @@ def assembly_for(
     from skinlab.mechanics.fem.assembly import Assembly  # tables are asked without
 
     mesh = discretisation.mesh(geometry)
-    fixed = np.unique(
-        np.concatenate([2 * mesh.axis, 2 * mesh.tape, 2 * mesh.tape + 1, 2 * mesh.outer])
-    )
-    assembly = Assembly(mesh, discretisation.element, get_law(law_name), fixed)
+    assembly = Assembly(mesh, discretisation.element, get_law(law_name), mesh.held)
     return assembly, int(assembly.equation[2 * mesh.apex + 1])
 
 
