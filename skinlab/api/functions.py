@@ -134,7 +134,7 @@ def identify(
         prior=prior,
         seed=seed,
         kappa=kappa,
-        phases=_phases(phases),
+        phases=phases,
         noise_um=noise_um,
         pressure_noise_mbar=pressure_noise_mbar,
         database=database,
@@ -189,7 +189,7 @@ def identify_joint(
         prior=prior,
         seed=seed,
         kappa=kappa,
-        phases=_phases(phases),
+        phases=phases,
         noise_um=noise_um,
         pressure_noise_mbar=pressure_noise_mbar,
         database=database,
@@ -495,10 +495,6 @@ def _usable(found: identifications.Identification) -> identifications.Identifica
     if "outside_database" in found.flags:
         raise NotTrustworthyError(found.error)
     raise InputError(found.error)
-
-
-def _phases(phases: str | Sequence[str] | None) -> str | tuple[str, ...] | None:
-    return phases if phases is None or isinstance(phases, str) else tuple(phases)
 
 
 def _program(program: str | Program | None) -> Program | None:

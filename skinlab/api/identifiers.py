@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, get_args
@@ -27,7 +27,7 @@ from skinlab.tables.table import NOT_MEASURED, Table
 PHASES = get_args(Phase)
 
 
-def read_phases(phases: str | tuple[str, ...] | list[str]) -> tuple[str, ...]:
+def read_phases(phases: str | Sequence[str]) -> tuple[str, ...]:
     """Return phases, also of a text that separates them by commas.
 
     Raises:
@@ -82,7 +82,7 @@ def compose_identifier(
     tolerance_um: float = 1e-5,
     seed: int = 0,
     kappa: KappaConvention | None = None,
-    phases: str | tuple[str, ...] | list[str] | None = None,
+    phases: str | Sequence[str] | None = None,
     noise_um: float | None = None,
     pressure_noise_mbar: float | None = None,
     model: PathLike | Model | None = None,
