@@ -6,7 +6,6 @@ import logging
 import math
 import warnings
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import Any, Literal
 
@@ -35,7 +34,12 @@ from skinlab.curves.program import Program, parse_program
 from skinlab.curves.program_check import check_program
 from skinlab.errors import InputError, NotTrustworthyError
 from skinlab.inference import result as identifications
-from skinlab.inference.batch import fitted_together, with_stated_noise
+from skinlab.inference.batch import (
+    fitted_together,
+    scatter_of,
+    with_scatter,
+    with_stated_noise,
+)
 from skinlab.mechanics.materials import get_law, law_names
 from skinlab.mechanics.materials.compressibility import KappaConvention
 from skinlab.mechanics.model_file import Model
@@ -196,17 +200,13 @@ def identify_joint(
         **options,
     )
     noise = (None, None) if stated is None else (stated.noise_um, stated.pressure_noise_mbar)
-    if placement_scatter is None and stated is not None:
-        placement_scatter = stated.placement_scatter
+    scatter = scatter_of(placement_scatter, None if stated is None else stated.placement_scatter)
     chosen = fitted_together(identifier, several)
-    knowing = with_stated_noise(identifier, *noise)
-    scatter = None if isinstance(placement_scatter, str) else placement_scatter
-    sensor = replace(knowing.sensor, placement_scatter=scatter)
+    knowing = with_scatter(with_stated_noise(identifier, *noise), scatter)
     if len(chosen) < len(several):
         left = len(several) - len(chosen)
         warnings.warn(f"{counted(left, 'curve')} of later cycles left out", stacklevel=_CALLER)
-    found = replace(knowing, sensor=sensor).joint(chosen)
-    return Identification(_usable(found), chosen, identifier.of_probe(chosen))
+    return Identification(_usable(knowing.joint(chosen)), chosen, identifier.of_probe(chosen))
 
 
 @checked

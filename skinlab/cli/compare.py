@@ -11,7 +11,6 @@ from skinlab.cli.options import (
     database_option,
     json_option,
     placement_scatter_option,
-    scatter_of,
     study_option,
 )
 from skinlab.cli.output import echo, echo_text, print_json
@@ -59,10 +58,9 @@ def command(
     Example: skinlab compare monday.h5 friday.h5 --study study
              skinlab compare m_left.h5 f_left.h5 --control m_right.h5 f_right.h5
     """
-    from dataclasses import replace
-
     from skinlab.acquisition.replay import identifier_of
     from skinlab.errors import InputError
+    from skinlab.inference.batch import scatter_of, with_scatter
     from skinlab.inference.compare import compare, in_words
     from skinlab.recording.session import measured_utc
     from skinlab.recording.session_fit import fit_session
@@ -82,8 +80,7 @@ def command(
         echo(f"skinlab: {warning}", err=True)
     # Curves of a session are fitted together: placements are among their errors.
     stated = scatter_of(placement_scatter, None)
-    sensor = replace(identifier.sensor, placement_scatter=stated)
-    identifier = replace(identifier, sensor=sensor).by_their_own()
+    identifier = with_scatter(identifier, stated).by_their_own()
     results = [
         fit_session(identifier, path, session)
         for path, session in zip(paths, sessions, strict=True)

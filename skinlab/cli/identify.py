@@ -21,7 +21,6 @@ from skinlab.cli.options import (
     probe_option,
     read_by,
     reference_options,
-    scatter_of,
     with_prior_option,
     workers_option,
 )
@@ -92,6 +91,7 @@ def command(
     Example: skinlab identify curve.csv --aperture-mm 6 --thickness-mm 1.0 --json
              skinlab identify campaign.toml --joint --advise
     """
+    from skinlab.inference.batch import with_scatter
     from skinlab.inference.result import document, not_trustworthy
     from skinlab.recording.load_inputs import Input
     from skinlab.text import counted
@@ -130,7 +130,7 @@ def command(
             knowing = _knowing_all(identifier, read, placement_scatter)
             found.together = knowing.joint(curves)
         elif read:
-            knowing = _with_scatter(identifier, read[0].placement_scatter)
+            knowing = with_scatter(identifier, read[0].placement_scatter)
         if advise and (source := found.advised):
             found.advice = knowing.advise(source, _thickness_mm(source, read))
     except KeyboardInterrupt:
@@ -354,7 +354,7 @@ def _knowing_all(
     identifier: Identifier, read: list[Input], scatter: float | str | None
 ) -> Identifier:
     """Return the identifier with what all files state alike; says where they differ."""
-    from skinlab.inference.batch import with_stated_noise
+    from skinlab.inference.batch import scatter_of, with_scatter, with_stated_noise
 
     sensor, differ = identifier.sensor, []
     common: dict[str, float | None] = {}
@@ -375,13 +375,7 @@ def _knowing_all(
             err=True,
         )
     knowing = with_stated_noise(identifier, common["noise_um"], common["pressure_noise_mbar"])
-    return _with_scatter(knowing, scatter_of(scatter, common["placement_scatter"]))
-
-
-def _with_scatter(identifier: Identifier, scatter: float | None) -> Identifier:
-    from dataclasses import replace
-
-    return replace(identifier, sensor=replace(identifier.sensor, placement_scatter=scatter))
+    return with_scatter(knowing, scatter_of(scatter, common["placement_scatter"]))
 
 
 def _thickness_mm(source: Identification, read: list[Input]) -> float:

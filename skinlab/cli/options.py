@@ -318,7 +318,7 @@ def workers_option(says: str = "", default: int | None = None) -> Callable[[F], 
 def placement_scatter_option(
     begin: str = "How", default: str = "as the campaign says, else auto"
 ) -> Callable[[F], F]:
-    """`--placement-scatter`; `scatter_of` takes it."""
+    """`--placement-scatter`; `inference.batch.scatter_of` takes it."""
     return click.option(
         "--placement-scatter",
         metavar="auto|NUMBER",
@@ -342,13 +342,6 @@ def _read_scatter(
     if range_missed("placement_scatter", value) is not None:
         raise click.BadParameter(f"{text}: expected auto, or 0 to below 1")
     return value
-
-
-def scatter_of(said: float | str | None, stated: float | None) -> float | None:
-    """Return the scatter of `--placement-scatter`, else what a campaign states; None: learn it."""
-    if said is None:
-        return stated
-    return None if isinstance(said, str) else said
 
 
 def dialect_option() -> Callable[[F], F]:
