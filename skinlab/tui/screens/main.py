@@ -265,9 +265,13 @@ class MainScreen(Screen[None]):
         self.close_fields(closed=False)
         self.set_focus(self.query_one("#program", Input))
 
+    def action_form(self, by: int) -> None:
+        """Go to the fields, and round in them."""
+        self.query_one(Fields).go_round(by)
+
     def action_next(self) -> None:
-        """Go to the fields, and on to the next."""
-        self.query_one(Fields).go_round()
+        """Go to the next field."""
+        self.action_form(1)
 
     def action_look(self, by: int) -> None:
         """Look at the curve before or after."""

@@ -135,7 +135,7 @@ class Fields(Vertical):
                 self.put(name, text)
         self.post_message(self.Named(who))
 
-    def go_round(self) -> None:
+    def go_round(self, by: int) -> None:
         """Go to the next field; after the last one comes the first.
 
         From elsewhere to the subject, behind the port, which is there already.
@@ -145,7 +145,7 @@ class Fields(Vertical):
         focused = self.screen.focused
         at = fields.index(focused) if focused in fields else 0
         # Not `focus()`, which comes behind keys that wait already: they would go to the old field
-        self.screen.set_focus(fields[(at + 1) % len(fields)])
+        self.screen.set_focus(fields[(at + by) % len(fields)])
 
     def first_wrong(self) -> Input | None:
         """Return the first field with a complaint."""
