@@ -147,7 +147,7 @@ class Measurement:
     def _request(self, request: Request, now: float) -> None:
         match request:
             case Arm(plan):
-                self._want(plan, now)
+                self._want(plan)
             case Start():
                 if self._started or self.phase not in {Phase.ARMING, Phase.ARMED}:
                     self._out.append(Refused("nothing is armed"))
@@ -170,7 +170,7 @@ class Measurement:
             case Close():
                 self._close(now)
 
-    def _want(self, plan: Plan, now: float) -> None:
+    def _want(self, plan: Plan) -> None:
         if self.phase not in {Phase.READY, Phase.INTERRUPTED}:
             self._out.append(Refused(f"not now: {self.phase}"))
             return

@@ -19,6 +19,7 @@ from skinlab.curves.apertures import check_aperture
 from skinlab.curves.program import Program, check_measurable, parse_program
 from skinlab.errors import InputError
 from skinlab.io.documents import decode, read_toml
+from skinlab.io.files import named_in_errors
 from skinlab.mechanics.names import parameter_names, parameter_of
 from skinlab.recording.pseudonym import check_note, check_site
 from skinlab.text import did_you_mean
@@ -111,10 +112,10 @@ def read_protocol(path: Path) -> NamedProtocol:
         InputError: it cannot be read, or something in it is unknown, missing or out of range; names
             the file and the field.
     """
+    with named_in_errors(path):
+        raw = read_whole(path)
     try:
-        text = read_whole(path).decode("utf-8")
-    except OSError as error:
-        raise InputError(f"{path}: {error.strerror or error}") from None
+        text = raw.decode("utf-8")
     except UnicodeDecodeError:
         raise InputError(f"{path}: expected UTF-8") from None
     return NamedProtocol(decode_protocol(text, str(path)), text, path.name)
@@ -126,11 +127,9 @@ def decode_protocol(text: str, where: str) -> Protocol:
     Raises:
         InputError: as `read_protocol`.
     """
-    try:
+    with named_in_errors(where):
         found = decode(read_toml(text), Protocol)
         _check(found)
-    except ValueError as error:  # InputError is one
-        raise InputError(f"{where}: {error}") from None
     return found
 
 

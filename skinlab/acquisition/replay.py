@@ -25,7 +25,7 @@ from skinlab.inference.problem import Options, check
 from skinlab.inference.result import Identification
 from skinlab.inference.uncertainty import Sensor
 from skinlab.mechanics.model_file import decode_model
-from skinlab.recording.recorded import dialect_of, recorded_items
+from skinlab.recording.recorded_items import dialect_of, recorded_items
 from skinlab.recording.session import Session
 from skinlab.recording.stream import CurveCompleted, Message
 from skinlab.tables.store import read, shipped_grid, shipped_table
@@ -101,21 +101,7 @@ def _identifier_of(session: Session, database_path: Path | None) -> tuple[Identi
         said = msgspec.convert(settings, _Settings)
     except ValueError as error:
         raise _damaged(error) from None
-    try:
-        method = get_method(said.method)
-    except InputError as error:
-        raise InputError(f"the session's field identification: {error}") from None
-    try:
-        options = Options(
-            samples=said.samples,
-            best=said.best,
-            tolerance_um=said.tolerance_um,
-        ).having(**_own(said, settings))
-        check(options)
-        with METHODS.at_work(method.name):
-            method.check(options)
-    except ValueError as error:  # InputError is one
-        raise _damaged(error) from None
+    options = _options(said, settings)
     stated = said.database_hash
     database = _database(stated, said.database_path, database_path)
     identifier = Identifier(
@@ -176,6 +162,30 @@ def _database(stated: str | None, was: str | None, is_: Path | None) -> Table:
     if found.content_hash != stated:
         raise InputError(f"{asked}, where now is another one; name it with --database")
     return found
+
+
+def _options(said: _Settings, settings: dict[str, Any]) -> Options:
+    """Return the options of the method.
+
+    Raises:
+        InputError: there is no such method, or it does not take one of them.
+    """
+    try:
+        method = get_method(said.method)
+    except InputError as error:
+        raise InputError(f"the session's field identification: {error}") from None
+    try:
+        options = Options(
+            samples=said.samples,
+            best=said.best,
+            tolerance_um=said.tolerance_um,
+        ).having(**_own(said, settings))
+        check(options)
+        with METHODS.at_work(method.name):
+            method.check(options)
+    except ValueError as error:  # InputError is one
+        raise _damaged(error) from None
+    return options
 
 
 def _own(said: _Settings, settings: dict[str, Any]) -> dict[str, Any]:

@@ -137,7 +137,7 @@ class Replayer:
         """
         from skinlab.acquisition.replay import identifier_of, replay
         from skinlab.recording.advised import MISSING_EFFECT, advised_curves
-        from skinlab.recording.recorded import dialect_of, recorded_items
+        from skinlab.recording.recorded_items import dialect_of, recorded_items
         from skinlab.recording.session import read_session
 
         del anew  # every replay is

@@ -25,6 +25,7 @@ from skinlab.recording.recorder import Recording
 
 if TYPE_CHECKING:
     from drivers.events import Hello
+    from skinlab.curves.probe_file import ProbeErrors
     from skinlab.inference.identify import Identifier
 
 
@@ -99,11 +100,7 @@ def run_session(
             hello = probe.open()
             opened(hello)
             if known is not None:
-                now = datetime.now(UTC)
-                known.check_instrument(hello.serial_number, hello.aperture_mm, now)
-                agrees, words = known.standing(now)
-                recording.audit("probe file", agrees=agrees, words=words)
-                say(words)
+                say(_check_probe(known, hello, recording))
             before = recording.carry_dose(simulated=hello.simulated)
             if before.time_s:
                 say(
@@ -123,6 +120,19 @@ def run_session(
             path = _finish(recording, failed, say)
             if path is not None:
                 saved(path, recording.dose)
+
+
+def _check_probe(known: ProbeErrors, hello: Hello, recording: Recording) -> str:
+    """Return how this instrument stands to the probe file, once that is in the audit trail.
+
+    Raises:
+        InputError: the file is of another instrument.
+    """
+    now = datetime.now(UTC)
+    known.check_instrument(hello.serial_number, hello.aperture_mm, now)
+    agrees, words = known.standing(now)
+    recording.audit("probe file", agrees=agrees, words=words)
+    return words
 
 
 def probes(dose_limit_mbar_s: float | None, dialect: str | None = None) -> Callable[..., Probe]:

@@ -6,14 +6,13 @@ import logging
 import math
 import warnings
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import Any, Literal
 
 from drivers.numbers import number_in
 from skinlab.api.arguments import check_workers, checked
 from skinlab.api.explaining import base_model, hashes_of, outcome_of
-from skinlab.api.identifiers import compose_identifier, find_table
+from skinlab.api.identifiers import check_stated, compose_identifier, find_table
 from skinlab.api.paths import PathLike, as_path
 from skinlab.api.results import (
     Campaign,
@@ -35,7 +34,12 @@ from skinlab.curves.program import Program, parse_program
 from skinlab.curves.program_check import check_program
 from skinlab.errors import InputError, NotTrustworthyError
 from skinlab.inference import result as identifications
-from skinlab.inference.batch import fitted_together, with_stated_noise
+from skinlab.inference.batch import (
+    fitted_together,
+    scatter_of,
+    with_scatter,
+    with_stated_noise,
+)
 from skinlab.mechanics.materials import get_law, law_names
 from skinlab.mechanics.materials.compressibility import KappaConvention
 from skinlab.mechanics.model_file import Model
@@ -139,7 +143,7 @@ def identify(
         age_years=age_years,
         seed=seed,
         kappa=kappa,
-        phases=_phases(phases),
+        phases=phases,
         noise_um=noise_um,
         pressure_noise_mbar=pressure_noise_mbar,
         database=database,
@@ -188,8 +192,8 @@ def identify_joint(
     if isinstance(placement_scatter, str):
         if placement_scatter != "auto":
             raise InputError(f"placement_scatter {placement_scatter!r}: expected auto or a number")
-    elif placement_scatter is not None and not 0 <= placement_scatter < 1:
-        raise InputError(f"placement_scatter {placement_scatter:g}: expected 0 to below 1")
+    else:
+        check_stated("placement_scatter", placement_scatter)
     identifier = compose_identifier(
         method=method,
         model=model,
@@ -198,24 +202,20 @@ def identify_joint(
         age_years=age_years,
         seed=seed,
         kappa=kappa,
-        phases=_phases(phases),
+        phases=phases,
         noise_um=noise_um,
         pressure_noise_mbar=pressure_noise_mbar,
         database=database,
         **options,
     )
     noise = (None, None) if stated is None else (stated.noise_um, stated.pressure_noise_mbar)
-    if placement_scatter is None and stated is not None:
-        placement_scatter = stated.placement_scatter
+    scatter = scatter_of(placement_scatter, None if stated is None else stated.placement_scatter)
     chosen = fitted_together(identifier, several)
-    knowing = with_stated_noise(identifier, *noise)
-    scatter = None if isinstance(placement_scatter, str) else placement_scatter
-    sensor = replace(knowing.sensor, placement_scatter=scatter)
+    knowing = with_scatter(with_stated_noise(identifier, *noise), scatter)
     if len(chosen) < len(several):
         left = len(several) - len(chosen)
         warnings.warn(f"{counted(left, 'curve')} of later cycles left out", stacklevel=_CALLER)
-    found = replace(knowing, sensor=sensor).joint(chosen)
-    return Identification(_usable(found), chosen, identifier.of_probe(chosen))
+    return Identification(_usable(knowing.joint(chosen)), chosen, identifier.of_probe(chosen))
 
 
 @checked
@@ -441,9 +441,9 @@ def study(
     import os
     from datetime import UTC, datetime
 
+    from skinlab.studies.make_study import make_study
     from skinlab.studies.run import How
     from skinlab.studies.sources import Plan
-    from skinlab.studies.whole import make_study
 
     if dask is not None and workers is not None:
         raise InputError("dask and workers exclude each other")
@@ -511,10 +511,6 @@ def _usable(found: identifications.Identification) -> identifications.Identifica
     if "outside_database" in found.flags:
         raise NotTrustworthyError(found.error)
     raise InputError(found.error)
-
-
-def _phases(phases: str | Sequence[str] | None) -> str | tuple[str, ...] | None:
-    return phases if phases is None or isinstance(phases, str) else tuple(phases)
 
 
 def _program(program: str | Program | None) -> Program | None:

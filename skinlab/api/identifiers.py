@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, get_args
 
 from skinlab.api.arguments import checked
 from skinlab.api.paths import PathLike, as_path
+from skinlab.curves.campaign import range_missed
 from skinlab.curves.probe_file import check_counted_once, read_probe
 from skinlab.curves.program import Phase
 from skinlab.errors import InputError
@@ -26,7 +27,7 @@ from skinlab.tables.table import NOT_MEASURED, Table
 PHASES = get_args(Phase)
 
 
-def read_phases(phases: str | tuple[str, ...] | list[str]) -> tuple[str, ...]:
+def read_phases(phases: str | Sequence[str]) -> tuple[str, ...]:
     """Return phases, also of a text that separates them by commas.
 
     Raises:
@@ -83,7 +84,7 @@ def compose_identifier(
     tolerance_um: float = 1e-5,
     seed: int = 0,
     kappa: KappaConvention | None = None,
-    phases: str | tuple[str, ...] | list[str] | None = None,
+    phases: str | Sequence[str] | None = None,
     noise_um: float | None = None,
     pressure_noise_mbar: float | None = None,
     model: PathLike | Model | None = None,
@@ -108,12 +109,8 @@ def compose_identifier(
     options = settle_options(method, Options(best=best, tolerance_um=tolerance_um), samples, own)
     if seed < 0:
         raise InputError(f"seed {seed}: expected zero or more")
-    if noise_um is not None and not 0 < noise_um < 1e6:
-        raise InputError(f"noise_um {noise_um:g}: expected more than 0 and less than 1e6")
-    if pressure_noise_mbar is not None and not 0 <= pressure_noise_mbar < 1e3:
-        raise InputError(
-            f"pressure_noise_mbar {pressure_noise_mbar:g}: expected 0 or more and less than 1000"
-        )
+    check_stated("noise_um", noise_um)
+    check_stated("pressure_noise_mbar", pressure_noise_mbar)
     check_kappa(kappa)
     table = find_table(database)
     calibrated = None if probe is None else read_probe(as_path(probe))
@@ -178,6 +175,16 @@ def find_model(model: PathLike | Model | None) -> Model | None:
 def called(given: object, else_: str) -> str:
     """Return how a sentence names what was given: the file, where it is one."""
     return str(given) if isinstance(given, str | Path) else else_
+
+
+def check_stated(name: str, value: float | None) -> None:
+    """Refuse a number that no campaign may state by this name either.
+
+    Raises:
+        InputError: it is out of its range.
+    """
+    if (words := range_missed(name, value)) is not None:
+        raise InputError(f"{name} {value:g}: expected {words}")
 
 
 def check_kappa(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import html
+import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, fields, replace
@@ -27,7 +28,7 @@ if TYPE_CHECKING:
     from skinlab.mechanics.model_file import Model
     from skinlab.recording import session as sessions
     from skinlab.report.measured import Measured
-    from skinlab.studies.whole import Made
+    from skinlab.studies.make_study import Made
     from skinlab.tables.table import Table
 
 _MANY = 40  # lines of a text, after which a notebook shows fewer
@@ -225,13 +226,6 @@ def _figure_of_all(found: Sequence[curves.Curve]) -> Figure | None:
     return draw_all_curves([_measured(i, c) for i, c in enumerate(found, 1)]) if found else None
 
 
-_STATED: tuple[tuple[str, str, Callable[[float], bool]], ...] = (
-    ("noise_um", "more than 0 and less than 1e6", lambda um: 0 < um < 1e6),
-    ("pressure_noise_mbar", "0 or more and less than 1000", lambda mbar: 0 <= mbar < 1e3),
-    ("placement_scatter", "0 to below 1", lambda share: 0 <= share < 1),
-)
-
-
 @dataclass(frozen=True, eq=False, repr=False)
 class Campaign(Shown, campaigns.Campaign):
     """Curves that are explained together: `title`, `curves`, and the noise that is stated.
@@ -255,12 +249,13 @@ class Campaign(Shown, campaigns.Campaign):
         scatter: Any = self.placement_scatter
         if scatter == "auto":  # as a campaign.toml may say
             object.__setattr__(self, "placement_scatter", None)
-        for name, expected, holds in _STATED:
+        for name in ("noise_um", "pressure_noise_mbar", "placement_scatter"):
             value: Any = plain(getattr(self, name))
             object.__setattr__(self, name, value)
             number = isinstance(value, Real) and not isinstance(value, bool)
-            if value is not None and not (number and holds(value)):
-                raise InputError(f"{name} {value!r}: expected {expected}, or None")
+            words = campaigns.range_missed(name, value if value is None or number else math.nan)
+            if words is not None:
+                raise InputError(f"{name} {value!r}: expected {words}, or None")
 
     def to_dict(self) -> dict[str, Any]:
         """Return what is stated, and the curves, as plain data."""
@@ -391,7 +386,7 @@ class Identification(Document):
         return ", ".join(said + list(self._found.flags)) or str(self._found.error)
 
     def _figure(self) -> Figure | None:
-        from skinlab.inference.stored import stored_result
+        from skinlab.inference.stored_results import stored_result
         from skinlab.report.fitted import fit_again
         from skinlab.report.measured import Judged, Measured
         from skinlab.report.plots import draw_fit

@@ -143,19 +143,13 @@ def _calibrate(
     from skinlab.curves.probe_file import probe_text
     from skinlab.errors import InputError
     from skinlab.inference.calibration import Reading, calibrate
-    from skinlab.io.files import check_can_write, write_file
+    from skinlab.io.files import write_file
 
     if aperture_mm is not None:
         check_aperture(aperture_mm)
     if not 0 < valid_days <= 3650:
         raise InputError(f"valid_days {valid_days:g}: expected more than 0, at most 3650")
-    if out.suffix != ".toml":  # .curves and .checks are what lies beside it
-        raise InputError(f"{out}: expected a name that ends with .toml, as probe files have")
-    folder = out.with_suffix(".curves")
-    for path in (out, folder):
-        if os.path.lexists(path):
-            raise InputError(f"{path}: exists already; a calibration is never overwritten")
-    check_can_write(out)
+    folder = _folder_beside(out)
     readings = []
     instruments = set()
     for phantom in read_phantoms(sheet):
@@ -180,12 +174,7 @@ def _calibrate(
     if as_json:
         print_json(_document(found, out))
     else:
-        echo(f"probe {serial_number}, opening {found.aperture_mm:g} mm (90 % intervals):")
-        for name, unit in _UNITS.items():
-            one = getattr(found, name)
-            open_ = "  not determined by these phantoms" if name in found.not_determined else ""
-            echo(f"  {name} {one.value:.4g}{unit} ({one.low:.4g} to {one.high:.4g}){open_}")
-        echo(f"valid until {found.valid_until_utc[:10]}; probe file: {out}")
+        _print(found, out)
     if found.misfit > 2.0 or found.phantoms_off:
         which = f" (far off: {', '.join(found.phantoms_off)})" if found.phantoms_off else ""
         echo(
@@ -194,6 +183,35 @@ def _calibrate(
             err=True,
         )
     return 0
+
+
+def _folder_beside(out: Path) -> Path:
+    """Return where the curves of a probe file go, once both can be written.
+
+    Raises:
+        InputError: the name is no probe file's, one of them is there already, or cannot be written.
+    """
+    from skinlab.errors import InputError
+    from skinlab.io.files import check_can_write
+
+    if out.suffix != ".toml":  # .curves and .checks are what lies beside it
+        raise InputError(f"{out}: expected a name that ends with .toml, as probe files have")
+    folder = out.with_suffix(".curves")
+    for path in (out, folder):
+        if os.path.lexists(path):
+            raise InputError(f"{path}: exists already; a calibration is never overwritten")
+    check_can_write(out)
+    return folder
+
+
+def _print(found: ProbeFile, out: Path) -> None:
+    """Print what the calibration found."""
+    echo(f"probe {found.serial_number}, opening {found.aperture_mm:g} mm (90 % intervals):")
+    for name, unit in _UNITS.items():
+        one = getattr(found, name)
+        open_ = "  not determined by these phantoms" if name in found.not_determined else ""
+        echo(f"  {name} {one.value:.4g}{unit} ({one.low:.4g} to {one.high:.4g}){open_}")
+    echo(f"valid until {found.valid_until_utc[:10]}; probe file: {out}")
 
 
 def _document(found: ProbeFile, path: Path) -> dict[str, Any]:

@@ -11,7 +11,6 @@ from skinlab.cli.options import (
     database_option,
     json_option,
     placement_scatter_option,
-    scatter_of,
     study_option,
 )
 from skinlab.cli.output import echo, echo_text, print_json
@@ -59,10 +58,9 @@ def command(
     Example: skinlab compare monday.h5 friday.h5 --study study
              skinlab compare m_left.h5 f_left.h5 --control m_right.h5 f_right.h5
     """
-    from dataclasses import replace
-
     from skinlab.acquisition.replay import identifier_of
     from skinlab.errors import InputError
+    from skinlab.inference.batch import scatter_of, with_scatter
     from skinlab.inference.compare import compare, in_words
     from skinlab.recording.session import measured_utc
     from skinlab.recording.session_fit import fit_session
@@ -82,29 +80,25 @@ def command(
         echo(f"skinlab: {warning}", err=True)
     # Curves of a session are fitted together: placements are among their errors.
     stated = scatter_of(placement_scatter, None)
-    sensor = replace(identifier.sensor, placement_scatter=stated)
-    identifier = replace(identifier, sensor=sensor).by_their_own()
+    identifier = with_scatter(identifier, stated).by_their_own()
     results = [
         fit_session(identifier, path, session)
         for path, session in zip(paths, sessions, strict=True)
     ]
     found = compare(*results[:2])
-    sides = [
-        change.side_of(session, result) for session, result in zip(sessions, results, strict=True)
-    ]
+    first, second, *beside = map(change.side_of, sessions, results)
     judged = change.changes(
-        sides[0],
-        sides[1],
+        first,
+        second,
         study=study,
-        control=(sides[2], sides[3]) if control else None,
+        control=(beside[0], beside[1]) if control else None,
         placement_scatter=stated,
         relevant_percent=relevant,
     )
     days = [measured_utc(session.meta) for session in sessions]
     if as_json:
-        files = [str(path) for path in paths]
         more = {
-            "files": files,
+            "files": [str(path) for path in paths],
             "measured_utc": [day or None for day in days],
             "notes": list(notes),
             "change": judged.to_json(),
@@ -113,11 +107,7 @@ def command(
         return 0
     for sentence in notes:
         echo_text(sentence)
-    named = [
-        f"{path.name} ({f'measured {day[:10]}' if day else 'nobody stated when it was measured'})"
-        for path, day in zip(paths, days, strict=True)
-    ]
-    echo(f"Before: {named[0]}. After: {named[1]}.")
+    echo(f"Before: {_dated(before, days[0])}. After: {_dated(after, days[1])}.")
     for line in change.in_words(judged):
         echo(line)
     echo(f"If nothing but {found.counted} differed between the sessions:")
@@ -126,3 +116,8 @@ def command(
     for line in in_words(found):
         echo(f"  {line}")
     return 0
+
+
+def _dated(path: Path, day: str) -> str:
+    when = f"measured {day[:10]}" if day else "nobody stated when it was measured"
+    return f"{path.name} ({when})"

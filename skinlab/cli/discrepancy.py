@@ -16,7 +16,6 @@ from skinlab.cli.options import (
     placement_scatter_option,
     probe_option,
     read_by,
-    scatter_of,
     workers_option,
 )
 from skinlab.cli.output import echo, echo_text, print_json, tell_left_behind
@@ -80,6 +79,7 @@ def command(
     from skinlab.api.explaining import base_model, outcome_of
     from skinlab.api.identifiers import find_table
     from skinlab.discrepancy.workflow import Partial
+    from skinlab.inference.batch import scatter_of
     from skinlab.recording.load_inputs import read_campaign_or_session
 
     curves, data = read_campaign_or_session(campaign)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass, field
 from itertools import islice
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -20,7 +21,6 @@ from skinlab.cli.options import (
     probe_option,
     read_by,
     reference_options,
-    scatter_of,
     with_prior_option,
     workers_option,
 )
@@ -29,11 +29,11 @@ from skinlab.cli.paths import PATH
 from skinlab.cli.start import INTERRUPTED
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterator, Mapping, Sequence
 
-    from skinlab.curves.curve import Curve
+    from skinlab.curves.curve import Curve, Setup
     from skinlab.inference.identify import Identifier
-    from skinlab.inference.result import Identification
+    from skinlab.inference.result import Advice, Identification
     from skinlab.recording.load_inputs import Input
     from skinlab.recording.session import StatedModel
     from skinlab.studies.reference import Reference
@@ -91,13 +91,9 @@ def command(
     Example: skinlab identify curve.csv --aperture-mm 6 --thickness-mm 1.0 --json
              skinlab identify campaign.toml --joint --advise
     """
-    from dataclasses import replace
-
-    from skinlab.errors import InputError
-    from skinlab.inference.batch import identify_all
-    from skinlab.inference.result import Identification, document, not_trustworthy
-    from skinlab.recording.load_inputs import Input, import_advice, read_input
-    from skinlab.report.text import describe, describe_advice
+    from skinlab.inference.batch import with_scatter
+    from skinlab.inference.result import document, not_trustworthy
+    from skinlab.recording.load_inputs import Input
     from skinlab.text import counted
 
     if advise and options["method"] != "auto":
@@ -120,7 +116,104 @@ def command(
         from skinlab.studies.reference import read_reference
 
         reference = read_reference(reference_path)  # before anything is computed
-    geometry = None
+    geometry = _geometry(inputs, aperture_mm, thickness_mm, thickness_sd_mm)
+    taken = list(_taken(inputs, geometry, probe_path, identifier, options["database_path"]))
+    read = [one for one in taken if isinstance(one, Input)]
+    if joint:
+        _check_together(read)
+    found = _Found()
+    try:
+        found.fill(identifier, taken, workers)
+        knowing = identifier
+        if joint and read:
+            curves = _first_cycles(identifier, read)
+            knowing = _knowing_all(identifier, read, placement_scatter)
+            found.together = knowing.joint(curves)
+        elif read:
+            knowing = with_scatter(identifier, read[0].placement_scatter)
+        if advise and (source := found.advised):
+            found.advice = knowing.advise(source, _thickness_mm(source, read))
+    except KeyboardInterrupt:
+        if not found.results:
+            raise
+        found.stopped = True
+    known = identifier.of_probe([curve for given in read for curve in given.curves])
+    whole = document(known.provenance(), found.results, joint=found.together, advice=found.advice)
+    refused = []
+    placed: dict[int, list[str]] = {}
+    if reference is not None:
+        for k, result in enumerate(found.results):
+            said, lines = _beside(reference, result, site or "", sex, age_years, whole)
+            whole["curves"][k]["reference"] = said
+            placed[id(result)] = lines
+            refused += [f"{reference_path}: {said['error']}"] if said and "error" in said else []
+    if as_json:
+        print_json(whole)
+    else:
+        _print(found, placed)
+    for sentence in [*(r.error for r in found.failed), *dict.fromkeys(refused)]:
+        echo(f"skinlab: {sentence}", err=True)
+    if found.stopped:
+        count = sum(len(one.curves) if isinstance(one, Input) else 1 for one in taken)
+        echo(f"skinlab: stopped after {len(found.results)} of {counted(count, 'curve')}", err=True)
+        return INTERRUPTED
+    if refused or any("outside_database" not in r.flags for r in found.failed):
+        return 3
+    if found.failed:
+        return 5
+    if strict and any(not_trustworthy(r) for r in found.all):
+        echo("skinlab: a result is not trustworthy (its flags say why)", err=True)
+        return 5
+    return 0
+
+
+@dataclass
+class _Found:
+    """What was found until now: Ctrl-C ends it at any place."""
+
+    results: list[Identification] = field(default_factory=list)  # a curve or a file each
+    together: Identification | None = None
+    advice: list[Advice] | None = None
+    stopped: bool = False
+
+    @property
+    def all(self) -> list[Identification]:
+        """All answers, with that of all curves together."""
+        return [*self.results, *([self.together] if self.together else [])]
+
+    @property
+    def failed(self) -> list[Identification]:
+        """The answers that are none."""
+        return [one for one in self.all if one.error is not None]
+
+    @property
+    def advised(self) -> Identification | None:
+        """The answer that a next measurement would narrow."""
+        return self.together or next((r for r in self.results if r.uncertainty), None)
+
+    def fill(
+        self, identifier: Identifier, taken: Sequence[Input | Identification], workers: int
+    ) -> None:
+        """Identify the curves of what was read, one after the other, in the order of the files."""
+        from skinlab.inference.batch import identify_all
+        from skinlab.recording.load_inputs import Input
+
+        curves = [c for one in taken if isinstance(one, Input) for c in one.curves]
+        answers = identify_all(identifier, curves, workers)
+        for one in taken:
+            for result in islice(answers, len(one.curves)) if isinstance(one, Input) else [one]:
+                self.results.append(result)  # so that what is done stays where it is interrupted
+
+
+def _geometry(
+    inputs: Sequence[Path],
+    aperture_mm: float | None,
+    thickness_mm: float | None,
+    thickness_sd_mm: float | None,
+) -> Setup | None:
+    """Return what CSVs were measured with; None where no CSV is given."""
+    from skinlab.recording.load_inputs import import_advice
+
     csv_given = any(path.suffix.lower() == ".csv" for path in inputs)
     if not csv_given and (aperture_mm, thickness_mm, thickness_sd_mm) != (None, None, None):
         raise click.UsageError(
@@ -130,81 +223,50 @@ def command(
     if aperture_mm is not None and thickness_mm is not None:
         from skinlab.curves.curve import Setup
 
-        geometry = Setup(aperture_mm, thickness_mm, thickness_sd_mm=thickness_sd_mm)
-    elif csv_given:
+        return Setup(aperture_mm, thickness_mm, thickness_sd_mm=thickness_sd_mm)
+    if csv_given:
         raise click.UsageError("a curve CSV needs --aperture-mm and --thickness-mm")
-    taken: list[Input | Identification] = []
+    return None
+
+
+def _taken(
+    inputs: Sequence[Path],
+    geometry: Setup | None,
+    probe_path: Path | None,
+    identifier: Identifier,
+    database_path: Path | None,
+) -> Iterator[Input | Identification]:
+    """Yield what is in each file; of one that cannot be used an answer that says why."""
+    from dataclasses import replace
+
+    from skinlab.errors import InputError
+    from skinlab.inference.result import Identification
+    from skinlab.recording.load_inputs import read_input
+
     for path in inputs:
         try:
             given = read_input(path, geometry)
             tell_left_behind(path)
-            taken.append(replace(given, curves=read_by(given.curves, probe_path)))
-            if given.model is not None and identifier.model_name is None:
-                _tell_model(path, given.model, database_given=options["database_path"] is not None)
+            read = replace(given, curves=read_by(given.curves, probe_path))
         except InputError as error:
-            taken.append(Identification(str(path), geometry, str(error)))
-    read = [one for one in taken if isinstance(one, Input)]
-    if joint:
-        _check_together(read)
-    results: list[Identification] = []
-    together, advice, stopped = None, None, False
-    answers = identify_all(identifier, [c for given in read for c in given.curves], workers)
-    try:
-        for one in taken:
-            for result in islice(answers, len(one.curves)) if isinstance(one, Input) else [one]:
-                results.append(result)  # so that what is done stays where it is interrupted
-        knowing = identifier
-        if joint and read:
-            curves = _first_cycles(identifier, read)
-            knowing = _knowing_all(identifier, read, placement_scatter)
-            together = knowing.joint(curves)
-        elif read:
-            knowing = _with_scatter(identifier, read[0].placement_scatter)
-        if advise and (source := together or next((r for r in results if r.uncertainty), None)):
-            advice = knowing.advise(source, _thickness_mm(source, read))
-    except KeyboardInterrupt:
-        if not results:
-            raise
-        stopped = True
-    known = identifier.of_probe([curve for given in read for curve in given.curves])
-    whole = document(known.provenance(), results, joint=together, advice=advice)
-    refused = []
-    placed: dict[int, list[str]] = {}
-    if reference is not None:
-        for k, result in enumerate(results):
-            said, lines = _beside(reference, result, site or "", sex, age_years, whole)
-            whole["curves"][k]["reference"] = said
-            placed[id(result)] = lines
-            refused += [said["error"]] if said and "error" in said else []
-    if as_json:
-        print_json(whole)
-    else:
-        for result in [*results, *([together] if together else [])]:
-            if result.error is None:
-                echo_text(describe(result))
-                for line in placed.get(id(result), []):
-                    echo(f"  {line}")
-        if advice is not None:
-            echo_text(describe_advice(advice))
-    failed = [r for r in results if r.error is not None]
-    if together is not None and together.error is not None:
-        failed.append(together)
-    for result in failed:
-        echo(f"skinlab: {result.error}", err=True)
-    for sentence in dict.fromkeys(refused):
-        echo(f"skinlab: {reference_path}: {sentence}", err=True)
-    if stopped:
-        count = sum(len(one.curves) if isinstance(one, Input) else 1 for one in taken)
-        echo(f"skinlab: stopped after {len(results)} of {counted(count, 'curve')}", err=True)
-        return INTERRUPTED
-    if refused or any("outside_database" not in r.flags for r in failed):
-        return 3
-    if failed:
-        return 5
-    if strict and any(not_trustworthy(r) for r in [*results, *([together] if together else [])]):
-        echo("skinlab: a result is not trustworthy (its flags say why)", err=True)
-        return 5
-    return 0
+            yield Identification(str(path), geometry, str(error))
+            continue
+        if given.model is not None and identifier.model_name is None:
+            _tell_model(path, given.model, database_given=database_path is not None)
+        yield read
+
+
+def _print(found: _Found, placed: Mapping[int, list[str]]) -> None:
+    """Print the answers in words; `placed` has lines beside a reference, by the result's id."""
+    from skinlab.report.text import describe, describe_advice
+
+    for result in found.all:
+        if result.error is None:
+            echo_text(describe(result))
+            for line in placed.get(id(result), []):
+                echo(f"  {line}")
+    if found.advice is not None:
+        echo_text(describe_advice(found.advice))
 
 
 def _beside(
@@ -292,7 +354,7 @@ def _knowing_all(
     identifier: Identifier, read: list[Input], scatter: float | str | None
 ) -> Identifier:
     """Return the identifier with what all files state alike; says where they differ."""
-    from skinlab.inference.batch import with_stated_noise
+    from skinlab.inference.batch import scatter_of, with_scatter, with_stated_noise
 
     sensor, differ = identifier.sensor, []
     common: dict[str, float | None] = {}
@@ -313,13 +375,7 @@ def _knowing_all(
             err=True,
         )
     knowing = with_stated_noise(identifier, common["noise_um"], common["pressure_noise_mbar"])
-    return _with_scatter(knowing, scatter_of(scatter, common["placement_scatter"]))
-
-
-def _with_scatter(identifier: Identifier, scatter: float | None) -> Identifier:
-    from dataclasses import replace
-
-    return replace(identifier, sensor=replace(identifier.sensor, placement_scatter=scatter))
+    return with_scatter(knowing, scatter_of(scatter, common["placement_scatter"]))
 
 
 def _thickness_mm(source: Identification, read: list[Input]) -> float:

@@ -142,14 +142,14 @@ def command(
         entries.append(entry)
         try:
             imported = import_file(path, setup, answers)
+            if (before := seen.setdefault(imported.sha256, path)) is not path:
+                same = "twice" if before == path else f"also as {before}"
+                raise InputError(
+                    f"{path}: the same readings are given {same}; expected each curve once"
+                )
         except InputError as error:
             entry["error"] = str(error)
             echo(f"skinlab: {error}", err=True)
-            continue
-        if (before := seen.setdefault(imported.sha256, path)) is not path:
-            same = "twice" if before == path else f"also as {before}"
-            entry["error"] = f"{path}: the same readings are given {same}; expected each curve once"
-            echo(f"skinlab: {entry['error']}", err=True)
             continue
         good.append(imported)
         entry.update(points=len(imported.curve), understood=list(imported.understood))

@@ -38,7 +38,7 @@ _CHOICES = {
 def _measured(_: click.Context, param: click.Parameter, text: str | None) -> str:
     """Return when curves were measured as a session keeps it; "" where it is not stated."""
     from skinlab.errors import InputError
-    from skinlab.exchange.importing.measured import stated_time
+    from skinlab.exchange.importing.stated_time import stated_time
 
     try:
         return "" if text is None else stated_time(text, datetime.now(UTC))

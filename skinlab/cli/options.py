@@ -318,7 +318,7 @@ def workers_option(says: str = "", default: int | None = None) -> Callable[[F], 
 def placement_scatter_option(
     begin: str = "How", default: str = "as the campaign says, else auto"
 ) -> Callable[[F], F]:
-    """`--placement-scatter`; `scatter_of` takes it."""
+    """`--placement-scatter`; `inference.batch.scatter_of` takes it."""
     return click.option(
         "--placement-scatter",
         metavar="auto|NUMBER",
@@ -333,20 +333,15 @@ def _read_scatter(
 ) -> float | str | None:
     if text in (None, "auto"):
         return text
+    from skinlab.curves.campaign import range_missed  # slow to import
+
     try:
         value = number_in(text)
     except ValueError:
         value = -1.0
-    if not 0.0 <= value < 1.0:
+    if range_missed("placement_scatter", value) is not None:
         raise click.BadParameter(f"{text}: expected auto, or 0 to below 1")
     return value
-
-
-def scatter_of(said: float | str | None, stated: float | None) -> float | None:
-    """Return the scatter of `--placement-scatter`, else what a campaign states; None: learn it."""
-    if said is None:
-        return stated
-    return None if isinstance(said, str) else said
 
 
 def dialect_option() -> Callable[[F], F]:

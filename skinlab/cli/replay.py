@@ -110,24 +110,23 @@ def command(
         print_json(document(identifier.provenance(), results, session=str(session), dose=dose))
     if not verify:
         return 0
-    found = differences(recorded, completed, results)
-    for sentence in found:
-        echo(f"skinlab: {session}: {sentence}", err=True)
-    if found:
-        why = reasons(recorded, identifier)
-        for reason in why:
-            echo(f"skinlab: {session}: a reason: {reason}", err=True)
-        if not why:
-            echo(
-                f"skinlab: {session}: same software, database and machine: "
-                f"`skinlab session verify {session}` says whether the file was changed",
-                err=True,
-            )
-    elif not as_json:
+    if found := differences(recorded, completed, results):
+        for sentence in [*found, *_reasons(session, reasons(recorded, identifier))]:
+            echo(f"skinlab: {session}: {sentence}", err=True)
+        return 1
+    if not as_json:
         stored = sum(result is not None for result in recorded.results)
         both = f"{counted(len(completed), 'curve')} and {counted(stored, 'stored result')}"
         echo(f"{both} agree bit for bit")
-    return 1 if found else 0
+    return 0
+
+
+def _reasons(session: Path, found: list[str]) -> list[str]:
+    """Return why results may differ; where nothing is known, what to look at."""
+    return [f"a reason: {reason}" for reason in found] or [
+        "same software, database and machine: "
+        f"`skinlab session verify {session}` says whether the file was changed"
+    ]
 
 
 def _in_the_ui(session: Path, speed: str, database_path: Path | None) -> int:

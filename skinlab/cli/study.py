@@ -74,9 +74,9 @@ def command(
     """
     from skinlab.errors import InputError
     from skinlab.io.files import real_path
+    from skinlab.studies.make_study import make_study
     from skinlab.studies.run import How
     from skinlab.studies.sources import Plan
-    from skinlab.studies.whole import make_study
 
     if dask is not None and workers is not None:
         raise click.UsageError("--dask and --workers exclude each other")

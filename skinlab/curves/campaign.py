@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
@@ -16,8 +16,23 @@ from skinlab.curves.program import parse_program
 from skinlab.curves.program_check import check_program
 from skinlab.errors import InputError
 from skinlab.io.documents import decode, read_toml
-from skinlab.io.files import real_path
+from skinlab.io.files import named_in_errors, real_path
 from skinlab.plugins import warn
+
+_STATED: Mapping[str, tuple[str, Callable[[float], bool]]] = {
+    "noise_um": ("more than 0 and less than 1e6", lambda um: 0 < um < 1e6),
+    "pressure_noise_mbar": ("0 or more and less than 1000", lambda mbar: 0 <= mbar < 1e3),
+    "placement_scatter": ("0 to below 1", lambda share: 0 <= share < 1),
+}
+
+
+def range_missed(name: str, value: float | None) -> str | None:
+    """Return the range, in words, of what is stated by this name, if the value is out of it.
+
+    Names are `noise_um`, `pressure_noise_mbar` and `placement_scatter`; None is always allowed.
+    """
+    words, holds = _STATED[name]
+    return None if value is None or holds(value) else words
 
 
 class _Header(msgspec.Struct, forbid_unknown_fields=True):
@@ -61,63 +76,54 @@ def read_campaign(path: Path) -> Campaign:
         InputError: the file or one of its curves is wrong; names file and field or line. A curve
             outside the campaign's folder is refused, and one that was measured by another program.
     """
-    try:
+    with named_in_errors(path):
         data = decode(read_toml(read_whole(path)), _File)
-    except OSError as error:
-        raise InputError(f"{path}: {error.strerror or error}") from None
-    except ValueError as error:
-        raise InputError(f"{path}: {error}") from None
     if not data.curve:
         raise InputError(f"{path}: no [[curve]]; expected at least one")
-    noise, pressure_noise = data.campaign.noise_um, data.campaign.pressure_noise_mbar
-    if noise is not None and not 0 < noise < 1e6:
-        raise InputError(
-            f"{path}: campaign.noise_um is {noise}, expected more than 0 and less than 1e6"
-        )
-    if pressure_noise is not None and not 0 <= pressure_noise < 1e3:
-        raise InputError(
-            f"{path}: campaign.pressure_noise_mbar is {pressure_noise}, expected 0 or more and "
-            "less than 1000"
-        )
-    stated = data.campaign.placement_scatter
-    scatter = None if stated == "auto" else float(stated)
-    if scatter is not None and not 0 <= scatter < 1:
-        raise InputError(
-            f"{path}: campaign.placement_scatter is {scatter}, expected auto or 0 to below 1"
-        )
+    stated = data.campaign
+    noise, pressure_noise = stated.noise_um, stated.pressure_noise_mbar
+    auto = stated.placement_scatter == "auto"
+    scatter = None if auto else float(stated.placement_scatter)
+    for name, value, besides in (
+        ("noise_um", noise, ""),
+        ("pressure_noise_mbar", pressure_noise, ""),
+        ("placement_scatter", scatter, "auto or "),
+    ):
+        if (words := range_missed(name, value)) is not None:
+            raise InputError(f"{path}: campaign.{name} is {value}, expected {besides}{words}")
     folder = real_path(path.parent)
     curves = []
     for number, entry in enumerate(data.curve, start=1):
-        if "\0" in entry.file:
-            raise InputError(f"{path}: curve {number}: file {entry.file!r} is not a file name")
-        file = real_path(folder / entry.file)
-        if not file.is_relative_to(folder):
-            raise InputError(f"{path}: curve {number}: file {entry.file!r} is outside the folder")
-        try:
-            setup = Setup(
-                aperture_mm=entry.aperture_mm,
-                thickness_mm=entry.thickness_mm,
-                program=None if entry.program is None else parse_program(entry.program),
-                cycle=entry.cycle,
-                repeat=entry.repeat,
-                thickness_sd_mm=entry.thickness_sd_mm,
-                placement=entry.placement,
-            )
-        except InputError as error:
-            raise InputError(f"{path}: curve {number}: {error}") from None
+        setup = _setup(folder, entry, f"{path}: curve {number}")
         curve = read_curve(path.parent / entry.file, setup)
         known = replace(
             curve, campaign=str(folder), noise_um=noise, pressure_noise_mbar=pressure_noise
         )
         curves.append(check_program(known))
     _ask_about_labels(path, [one for one in data.curve if one.placement is not None])
-    return Campaign(
-        data.campaign.title,
-        data.campaign.noise_um,
-        data.campaign.pressure_noise_mbar,
-        tuple(curves),
-        scatter,
-    )
+    return Campaign(stated.title, noise, pressure_noise, tuple(curves), scatter)
+
+
+def _setup(folder: Path, entry: _CurveEntry, where: str) -> Setup:
+    """Return what a curve was measured with, once its file is known to be in the folder.
+
+    Raises:
+        InputError: it is not, or a field is wrong; begins with `where`.
+    """
+    if "\0" in entry.file:
+        raise InputError(f"{where}: file {entry.file!r} is not a file name")
+    if not real_path(folder / entry.file).is_relative_to(folder):
+        raise InputError(f"{where}: file {entry.file!r} is outside the folder")
+    with named_in_errors(where):
+        return Setup(
+            aperture_mm=entry.aperture_mm,
+            thickness_mm=entry.thickness_mm,
+            program=None if entry.program is None else parse_program(entry.program),
+            cycle=entry.cycle,
+            repeat=entry.repeat,
+            thickness_sd_mm=entry.thickness_sd_mm,
+            placement=entry.placement,
+        )
 
 
 def _ask_about_labels(path: Path, labelled: Iterable[_CurveEntry]) -> None:

@@ -28,7 +28,7 @@ from skinlab.curves.phantoms import Phantom
 from skinlab.curves.settings import PROBE
 from skinlab.errors import InputError
 from skinlab.io.documents import decode, read_json, read_toml, text_of, toml_text
-from skinlab.io.files import append_text
+from skinlab.io.files import append_text, named_in_errors
 from skinlab.text import counted
 
 Array = NDArray[np.float64]
@@ -267,10 +267,8 @@ def read_probe(path: Path) -> ProbeErrors:
     Raises:
         InputError: it cannot be read, or a field is wrong.
     """
-    try:
+    with named_in_errors(path):
         text = text_of(read_whole(path))
-    except (OSError, ValueError) as error:
-        raise InputError(f"{path}: {getattr(error, 'strerror', None) or error}") from None
     return replace(decode_probe(text, str(path)), path=path)
 
 
@@ -280,10 +278,8 @@ def decode_probe(text: str, where: str) -> ProbeErrors:
     Raises:
         InputError: as `read_probe`.
     """
-    try:
+    with named_in_errors(where):
         return ProbeErrors(decode(read_toml(text), ProbeFile), text)
-    except ValueError as error:  # InputError is one
-        raise InputError(f"{where}: {error}") from None
 
 
 def probe_text(file: ProbeFile) -> str:

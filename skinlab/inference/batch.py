@@ -43,6 +43,21 @@ def with_stated_noise(
     return replace(identifier, sensor=known)
 
 
+def scatter_of(said: float | str | None, stated: float | None) -> float | None:
+    """Return the scatter of placements that is asked for, else what a campaign states.
+
+    A text is "auto". None: it is learned.
+    """
+    if said is None:
+        return stated
+    return None if isinstance(said, str) else said
+
+
+def with_scatter(identifier: Identifier, scatter: float | None) -> Identifier:
+    """Return the identifier with this scatter of placements; None: it is learned."""
+    return replace(identifier, sensor=replace(identifier.sensor, placement_scatter=scatter))
+
+
 def noise_from_repeats_um(curves: Sequence[Curve]) -> float | None:
     """Return the noise of one deflection sample, µm, from repeats; None where there are none.
 

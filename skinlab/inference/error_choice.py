@@ -10,9 +10,10 @@ and by the prior (a defensive mixture: Hesterberg 1995, Technometrics 37:185).
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence, Set
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from operator import attrgetter
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,6 +29,8 @@ from skinlab.inference.settings import CHOICE, JUDGEMENT, KINDS, NOISE, POSTERIO
 
 Array = NDArray[np.float64]
 Modes = Mapping[frozenset[str], Mapping[str, float]]  # logarithms, by the names of the parts
+
+_log_evidence = attrgetter("log_evidence")
 
 
 @dataclass(frozen=True, eq=False)
@@ -142,9 +145,7 @@ class ErrorChoice:
 
     def quantile_of(self, values: Array, share: float) -> float:
         """Return a weighted quantile of values (nodes,)."""
-        order = np.argsort(values, kind="stable")
-        below = np.cumsum(self.weight[order]) - 0.5 * self.weight[order]
-        return float(np.interp(share, below, values[order]))
+        return _weighted_quantile(values, self.weight, share)
 
     def parameters(self) -> dict[str, float]:
         """Return medians of the parameters of what is told, and what was found with them."""
@@ -154,12 +155,17 @@ class ErrorChoice:
         values = np.array([n.log_values for n in self.nodes if n.combination is told])
         found: dict[str, float] = {}
         for i, name in enumerate(told.parameters):
-            order = np.argsort(values[:, i], kind="stable")
-            below = np.cumsum(weight[order]) - 0.5 * weight[order]
-            found[name] = float(np.exp(np.interp(0.5, below, values[order, i])))
+            found[name] = float(np.exp(_weighted_quantile(values[:, i], weight, 0.5)))
         for part in told.parts:
             found.update(part.stated)
         return found
+
+
+def _weighted_quantile(values: Array, weight: Array, share: float) -> float:
+    """Return the quantile of values (n,) whose weights (n,) sum up to 1."""
+    order = np.argsort(values, kind="stable")
+    below = np.cumsum(weight[order]) - 0.5 * weight[order]
+    return float(np.interp(share, below, values[order]))
 
 
 def choose_errors(
@@ -182,93 +188,134 @@ def choose_errors(
     least = POSTERIOR.small * max(roughness(look.residual_mm), NOISE.least_mm)
     fixed_mm = fixed_mm[:, np.sqrt(np.square(fixed_mm).sum(axis=0)) > least]
     models = ERROR_MODELS.all() if models is None else models
-    offered = [part for model in models if (part := part_of(model, look)) is not None]
-    always = tuple(sorted((p for p in offered if p.always), key=lambda p: p.name != "white"))
-    others = [p for p in offered if not p.always]
-    processes = {part.name for part in offered if part.is_process}
-    rivals = [part for part in always if part.name in processes]
-    plain = tuple(part for part in always if part.name not in processes)
+    modes = {} if before is None else before.modes
+    search = _Search(look, linear, fixed_mm, fixed_mm2, models, modes)
+    best = search.with_more(search.what_is_always_there())
+    best = search.with_what_shows_below(best)
+    if look.samples.curves > 1:
+        best = search.with_motion_in_place_of_processes(best)
+    best = search.without_what_is_needless(best)
+    mixture = _scale_mixture(look, linear, best, search.combine, models)
+    if mixture is not None:
+        search.tried.append(mixture)
+        best = max(best, mixture, key=_log_evidence)
+    return _collect([_again(e, linear) if _is_coarse(e, best) else e for e in search.tried], best)
 
-    def combine(parts: tuple[Part, ...]) -> Combination:
-        return Combination(parts, look.samples.time_s, look.samples.ends, fixed_mm, fixed_mm2)
 
-    starts, slow = _starts(look, linear), _slow_starts(linear)
+class _Search:
+    """The combinations that were tried, and the ways from the best of them to a better one."""
 
-    def explored(
-        parts: tuple[Part, ...], beside: Mapping[str, float], rival: float = -math.inf
-    ) -> _Explored:
-        one = combine(parts)
-        begin = {} if before is None else before.modes.get(one.names, {})
-        return _explore(one, linear, begin or {**starts, **beside}, slow, rival)
+    def __init__(
+        self,
+        look: Look,
+        linear: LinearModel,
+        fixed_mm: Array,
+        fixed_mm2: Array,
+        models: Sequence[ErrorModel],
+        modes: Modes,
+    ) -> None:
+        self.tried: list[_Explored] = []
+        self._look, self._linear, self._models, self._modes = look, linear, models, modes
+        self._fixed = fixed_mm, fixed_mm2
+        self._starts, self._slow = _starts(look, linear), _slow_starts(linear)
+        offered = self._seen(look, set())
+        self._always = sorted((p for p in offered if p.always), key=lambda p: p.name != "white")
+        self._others = [p for p in offered if not p.always]
+        self._offered = {part.name for part in offered}
+        self._processes = {part.name for part in offered if part.is_process}
 
-    sets = [(*plain, rival) for rival in rivals] or [plain]
-    tried = [explored(parts, {}) for parts in sets]
+    def combine(self, parts: tuple[Part, ...]) -> Combination:
+        """Return the combination of these parts, of these samples."""
+        return Combination(parts, self._look.samples.time_s, self._look.samples.ends, *self._fixed)
 
-    def grown(best: _Explored, others: Sequence[Part]) -> _Explored:
+    def what_is_always_there(self) -> _Explored:
+        """Return the best combination of that alone, with one process in time of several."""
+        rivals = [part for part in self._always if part.name in self._processes]
+        plain = tuple(part for part in self._always if part.name not in self._processes)
+        sets = [(*plain, rival) for rival in rivals] or [plain]
+        self.tried += [self._explored(parts, {}) for parts in sets]
+        return max(self.tried, key=_log_evidence)
+
+    def with_more(self, best: _Explored) -> _Explored:
         """Return the best combination with one more part each time, until none gains."""
         for _ in range(CHOICE.most_models):
             names = best.combination.names
-            taken = names | processes if names & processes else names
-            more = [p for p in others if p.name not in taken]
-            known = {e.combination.names for e in tried}
-            found = [
-                explored((*best.combination.parts, part), best.mode, best.log_evidence)
-                for part in more
-                if names | {part.name} not in known
-            ]
-            tried.extend(found)
-            leader = max(found, key=lambda e: e.log_evidence, default=best)
-            if leader.log_evidence <= best.log_evidence:
+            taken = names | self._processes if names & self._processes else names
+            more = [p for p in self._others if p.name not in taken]
+            known = {e.combination.names for e in self.tried}
+            leader = self._best_of(
+                [(*best.combination.parts, p) for p in more if names | {p.name} not in known], best
+            )
+            if leader is best:
                 break
             best = leader
         return best
 
-    best = grown(max(tried, key=lambda e: e.log_evidence), others)
-    # What is seen below the others alone.
-    below, names = replace(look, covariance=best.mode_covariance), {part.name for part in offered}
-    later = [
-        part
-        for model in models
-        if model.name not in names and (part := part_of(model, below)) is not None
-    ]
-    if later:
-        best = grown(best, [*others, *later])
-    # Below errors that last a breath hardly shows, for these follow it: so it is tried in their
-    # place. Of one curve it was looked for before them.
-    rest = tuple(p for p in best.combination.parts if p.always or not p.is_process)
-    if look.samples.curves > 1 and len(rest) < len(best.combination.parts):
-        bare = combine(rest)
+    def with_what_shows_below(self, best: _Explored) -> _Explored:
+        """Return the best combination with parts that are seen below the others alone, too."""
+        later = self._seen(replace(self._look, covariance=best.mode_covariance), self._offered)
+        if not later:
+            return best
+        self._others += later
+        return self.with_more(best)
+
+    def with_motion_in_place_of_processes(self, best: _Explored) -> _Explored:
+        """Return the best combination with what processes in time hide, in their place.
+
+        Below errors that last a breath hardly shows, for these follow it. Of one curve it was
+        looked for before them.
+        """
+        rest = tuple(p for p in best.combination.parts if p.always or not p.is_process)
+        if len(rest) == len(best.combination.parts):
+            return best
+        bare = self.combine(rest)
         at = np.array([best.mode[name] for name in bare.parameters])
-        above, names = replace(look, covariance=bare.covariance(at)), names | best.combination.names
-        waves = [
+        above = replace(self._look, covariance=bare.covariance(at))
+        waves = self._seen(above, self._offered | best.combination.names)
+        leader = self._best_of([(*rest, part) for part in waves], best)
+        if leader is best:
+            return best
+        self._others += waves
+        return self.with_more(leader)
+
+    def without_what_is_needless(self, best: _Explored) -> _Explored:
+        """Return the best combination without what came first and is needless beside the later.
+
+        Lasting errors beside a sine are. Of one curve, what stays is looked at again: a walk beside
+        these. Of several each try costs more.
+        """
+        early = [p for p in best.combination.parts if not p.always][:-1]
+        while True:
+            for part in early:
+                fewer = tuple(p for p in best.combination.parts if p is not part)
+                left = best.combination.names - {part.name}
+                if all(left != e.combination.names for e in self.tried):
+                    self.tried.append(self._explored(fewer, best.mode, best.log_evidence))
+            last, best = best, max((e for e in self.tried if e.nodes), key=_log_evidence)
+            if best is last or self._look.samples.curves > 1:
+                return best
+            early = [p for p in best.combination.parts if not p.always]
+
+    def _seen(self, look: Look, known: Set[str]) -> list[Part]:
+        """Return the parts of models that see something here, but for those of known names."""
+        return [
             part
-            for model in models
-            if model.name not in names and (part := part_of(model, above)) is not None
+            for model in self._models
+            if model.name not in known and (part := part_of(model, look)) is not None
         ]
-        instead = [explored((*rest, part), best.mode, best.log_evidence) for part in waves]
-        tried.extend(instead)
-        leader = max(instead, key=lambda e: e.log_evidence, default=best)
-        if leader.log_evidence > best.log_evidence:
-            best = grown(leader, [*others, *later, *waves])
-    # What came first may be needless beside what came later: lasting errors beside a sine. Of one
-    # curve, what stays is looked at again: a walk beside these. Of several each try costs more.
-    early = [p for p in best.combination.parts if not p.always][:-1]
-    while True:
-        for part in early:
-            fewer = tuple(p for p in best.combination.parts if p is not part)
-            left = best.combination.names - {part.name}
-            if all(left != e.combination.names for e in tried):
-                tried.append(explored(fewer, best.mode, best.log_evidence))
-        last, best = best, max((e for e in tried if e.nodes), key=lambda e: e.log_evidence)
-        if best is last or look.samples.curves > 1:
-            break
-        early = [p for p in best.combination.parts if not p.always]
-    mixture = _scale_mixture(look, linear, best, combine, models)
-    if mixture is not None:
-        tried.append(mixture)
-        if mixture.log_evidence > best.log_evidence:
-            best = mixture
-    return _collect([_again(e, linear) if _is_coarse(e, best) else e for e in tried], best)
+
+    def _best_of(self, sets: Sequence[tuple[Part, ...]], best: _Explored) -> _Explored:
+        """Return the best of these, tried from the mode of the best so far, and of that one."""
+        found = [self._explored(parts, best.mode, best.log_evidence) for parts in sets]
+        self.tried += found
+        return max([best, *found], key=_log_evidence)
+
+    def _explored(
+        self, parts: tuple[Part, ...], beside: Mapping[str, float], rival: float = -math.inf
+    ) -> _Explored:
+        one = self.combine(parts)
+        begin = self._modes.get(one.names) or {**self._starts, **beside}
+        return _explore(one, self._linear, begin, self._slow, rival)
 
 
 def _is_coarse(one: _Explored, best: _Explored) -> bool:
@@ -321,7 +368,7 @@ class _Explored:
     root: Array  # (d, d) of the covariance of the parameters' logarithms there, and
     here: float  # the log density
     nodes: tuple[Node, ...]
-    log_evidence: float
+    log_evidence: float  # by the nodes; without them Laplace's
 
     @property
     def mode(self) -> dict[str, float]:

@@ -28,6 +28,7 @@ from skinlab.inference.result import Identification
 from skinlab.inference.settings import POPULATION
 from skinlab.inference.uncertainty import Uncertainty
 from skinlab.io.documents import decode, of_schema, read_toml, text_of
+from skinlab.io.files import named_in_errors
 from skinlab.mechanics.names import is_logarithmic
 
 Array = NDArray[np.float64]
@@ -166,10 +167,8 @@ def read_prior(path: Path, site: str | None = None, age_years: float | None = No
     Raises:
         InputError: it cannot be read, a field is wrong, or it has no such site.
     """
-    try:
+    with named_in_errors(path):
         text = text_of(read_whole(path))
-    except (OSError, ValueError) as error:
-        raise InputError(f"{path}: {getattr(error, 'strerror', None) or error}") from None
     return decode_prior(text, str(path), site, age_years)
 
 
@@ -181,14 +180,9 @@ def decode_prior(
     Raises:
         InputError: as `read_prior`.
     """
-    try:
+    with named_in_errors(where):
         file = decode(of_schema(read_toml(text), SCHEMA), PriorFile)
-    except ValueError as error:
-        raise InputError(f"{where}: {error}") from None
-    try:
         return Prior(file, text, site, age_years)
-    except InputError as error:
-        raise InputError(f"{where}: {error}") from None
 
 
 @dataclass(frozen=True)

@@ -251,6 +251,16 @@ class Fitted:
             for left, scale, step in zip(left_mm, each, steps_mm, strict=True)
         ]
 
+    def misfits(self, kept: NDArray[np.bool_], covariance: Covariance) -> list[SquaredMisfit]:
+        """Return χ² of each group by the covariance of the samples (u,) that are kept."""
+        condition = self.samples.condition[kept]
+        return [
+            model.misfit(g.deflection_mm, OnKept(here, _of_group(covariance, condition == number)))
+            for number, (g, model, here) in enumerate(
+                zip(self.groups, self.models, split_by_group(self.groups, kept), strict=True)
+            )
+        ]
+
     def _with_placements(self, learned: tuple[float, float] = (0.0, 0.0)) -> LinearModel:
         """Return the linear model with what placements of curves together are expected to do."""
         linear, samples = self.linear, self.samples
@@ -449,41 +459,28 @@ def assess(
     names = space.names
     given, own_priors, priors = (groups, models, space), priors, list(priors)
     modes = minima[: POSTERIOR.modes]
+    best = space.from_unit(minima[0])
     relative_sd = stated_sd = max(g.thickness_sd_mm / g.geometry.thickness_mm for g in groups)
     own_thickness = sensor.placement_scatter != 0.0 and samples_of(groups).placements > 1
     if own_thickness:
         # As much of the variance is the site's, and is common, as is each placement's.
         relative_sd *= POSTERIOR.common_thickness**0.5
-    best = space.from_unit(minima[0])
     groups, models = _on_smooth_pressures(groups, models, best, database, kappa, sensor)
     if relative_sd > 0.0:
         models = [g.model(database, kappa, relative_sd) for g in groups]
-        low = max(float(m.space.bounds[0][-1]) for m in models)
-        high = min(float(m.space.bounds[1][-1]) for m in models)
-        space = space.extended("thickness_ratio", low, high)
+        space = _with_thickness_ratio(space, models)
         priors.append(GaussianPrior(len(best), 1.0, relative_sd))
         stated = space.to_unit(np.append(best, 1.0))[-1]
         modes = np.column_stack([modes, np.full(len(modes), stated)])
-    elsewhere = Elsewhere(database, kappa)
-    fitted = about(groups, models, space, modes[0], sensor, priors, elsewhere)
+    fitted = about(groups, models, space, modes[0], sensor, priors, Elsewhere(database, kappa))
     if kept is None:
         kept = np.ones(len(fitted.samples), dtype=bool)
     thickness_error_mm = None
     if own_thickness and stated_sd > 0.0:
-        ends = np.append(best, 1.0) * np.ones((2, 1))
-        ends[:, -1] += [-_SLOPE_STEP, _SLOPE_STEP]
-        low_mm, high_mm = np.hstack([m.deflection_mm(ends) for m in models])
-        slope = np.nan_to_num(high_mm - low_mm) / (2.0 * _SLOPE_STEP)
-        thickness_error_mm = np.sqrt(1.0 - POSTERIOR.common_thickness) * stated_sd * slope
+        own_sd = np.sqrt(1.0 - POSTERIOR.common_thickness) * stated_sd
+        thickness_error_mm = own_sd * _thickness_slope_mm(models, best)
     errors = fitted.choose_errors(kept, thickness_error_mm, error_models)
-    condition = fitted.samples.condition[kept]
-    parts: list[SquaredMisfit] = [
-        model.misfit(g.deflection_mm, OnKept(here, _of_group(errors.mode, condition == number)))
-        for number, (g, model, here) in enumerate(
-            zip(groups, models, split_by_group(groups, kept), strict=True)
-        )
-    ]
-    parts += priors
+    parts: list[SquaredMisfit] = [*fitted.misfits(kept, errors.mode), *priors]
     if fitted.samples.placements > 1 and not sought:
         # Least squares knew of no placements: by these errors the best may lie in another valley.
         others = _other_valleys(space, JointMisfit(parts), int(kept.sum()), modes, rng.spawn(1)[0])
@@ -505,6 +502,21 @@ def assess(
     judged = _judged(fitted, kept, errors)
     noise_mbar = float(np.median(fitted.pressure_sd_mbar()))
     return Uncertainty(names, space, draws, judged, tuple(parts), relative_sd, noise_mbar)
+
+
+def _with_thickness_ratio(space: Space, models: Sequence[CurveModel]) -> Space:
+    """Return the space with the thickness over the stated one, as far as all models know it."""
+    low = max(float(model.space.bounds[0][-1]) for model in models)
+    high = min(float(model.space.bounds[1][-1]) for model in models)
+    return space.extended("thickness_ratio", low, high)
+
+
+def _thickness_slope_mm(models: Sequence[CurveModel], parameters: Array) -> Array:
+    """Return what the deflections (u,) change by the thickness' ratio at 1, parameters (p,)."""
+    ends = np.append(parameters, 1.0) * np.ones((2, 1))
+    ends[:, -1] += [-_SLOPE_STEP, _SLOPE_STEP]
+    low_mm, high_mm = np.hstack([model.deflection_mm(ends) for model in models])
+    return np.asarray(np.nan_to_num(high_mm - low_mm) / (2.0 * _SLOPE_STEP))
 
 
 class _Valleys(NamedTuple):

@@ -192,6 +192,21 @@ def append_text(path: Path, text: str) -> None:
 
 
 @contextmanager
+def named_in_errors(file: object) -> Iterator[None]:
+    """Begin the sentence about what is wrong with a file, or in it, with the file's name.
+
+    Raises:
+        InputError: in the place of an OSError or a ValueError, of which it is one itself.
+    """
+    try:
+        yield
+    except OSError as error:
+        raise InputError(f"{file}: {error.strerror or error}") from None
+    except ValueError as error:
+        raise InputError(f"{file}: {error}") from None
+
+
+@contextmanager
 def cannot_read(path: Path) -> Iterator[None]:
     """Say in a sentence why a file cannot be read, or even looked for.
 

@@ -12,7 +12,7 @@ from numpy.typing import DTypeLike, NDArray
 
 from drivers.reading import require_file
 from skinlab.errors import InputError
-from skinlab.io.files import whole_file
+from skinlab.io.files import named_in_errors, whole_file
 
 # What a file may claim to hold: compressed numbers are seldom a tenth of their size.
 _MOST_PER_BYTE = 50
@@ -30,10 +30,8 @@ def open_hdf5(path: Path) -> Iterator[Any]:
     import h5py
 
     path = Path(path)
-    try:
+    with named_in_errors(path):
         require_file(path)
-    except OSError as error:
-        raise InputError(f"{path}: {error.strerror or error}") from None
     try:
         with h5py.File(path, "r") as file:
             _check_content(path, file)
@@ -90,8 +88,8 @@ def _check_content(path: Path, file: Any) -> None:
         raise InputError(wrong)
 
 
-def read_array(group: Any, name: str, kind: DTypeLike, dimensions: int = 1) -> NDArray[Any]:
-    """Return a data set, which must be of this type and have so many dimensions.
+def read_array(group: Any, name: str, kind: DTypeLike) -> NDArray[Any]:
+    """Return a data set (n,), which must be of this type and have one dimension.
 
     Raises:
         InputError: it is not.
@@ -103,15 +101,15 @@ def read_array(group: Any, name: str, kind: DTypeLike, dimensions: int = 1) -> N
     least = min(4, expected.itemsize)  # int32 in the place of int64 is right, int8 is damage
     if found is None or found.kind != expected.kind or found.itemsize < least:
         raise InputError(f"{name} is of type {found}; expected {expected}")
-    if entry.ndim != dimensions:
-        raise InputError(f"{name} has {entry.ndim} dimensions; expected {dimensions}")
+    if entry.ndim != 1:
+        raise InputError(f"{name} has {entry.ndim} dimensions; expected 1")
     array: NDArray[Any] = entry[()]
     return array
 
 
 @contextmanager
-def written_whole(path: Path, *, replace: bool = True) -> Iterator[Any]:
-    """Open a new HDF5 file for writing; it takes its name once it is whole.
+def written_whole(path: Path) -> Iterator[Any]:
+    """Open a new HDF5 file for writing; it takes its name, also of another, once it is whole.
 
     Raises:
         InputError: it cannot be written.
@@ -119,7 +117,7 @@ def written_whole(path: Path, *, replace: bool = True) -> Iterator[Any]:
     import h5py
 
     with (
-        whole_file(path, replace=replace) as partial,
+        whole_file(path, replace=True) as partial,
         h5py.File(partial, "w", track_order=True) as file,
     ):
         yield file

@@ -39,6 +39,7 @@ from msgspec import field
 from drivers.reading import read_whole
 from skinlab.errors import InputError
 from skinlab.io.documents import decode, read_toml, toml_text
+from skinlab.io.files import named_in_errors
 from skinlab.mechanics.effects import checked, get_effect
 from skinlab.mechanics.materials import DEFAULT_LAW, Law, get_law
 from skinlab.mechanics.materials.compressibility import KappaConvention
@@ -222,10 +223,8 @@ def read_model(path: str | Path) -> Model:
         InputError: it cannot be read, or something in it is not known, missing or out of range; the
             message names the file and the field.
     """
-    try:
+    with named_in_errors(path):
         raw = read_whole(path)
-    except OSError as error:
-        raise InputError(f"{path}: {error.strerror or error}") from None
     model = decode_model(raw, str(path))
     if differs := model.differs:
         warn(f"{path}: {differs}")
@@ -238,10 +237,8 @@ def decode_model(raw: bytes | str, path: str) -> Model:
     Raises:
         InputError: something in it is not known, missing or out of range; names the field.
     """
-    try:
+    with named_in_errors(path):
         return model_of(read_toml(raw))
-    except ValueError as error:  # InputError is one
-        raise InputError(f"{path}: {error}") from None
 
 
 def model_of(said: Mapping[str, Any]) -> Model:

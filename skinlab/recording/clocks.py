@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from drivers.events import Pace, TimedEvent
 from skinlab.errors import InputError
 from skinlab.recording.assembler import CurveAssembler
-from skinlab.recording.recorded import dialect_of, numbered_items
+from skinlab.recording.recorded_items import dialect_of, numbered_items
 from skinlab.recording.records import Record
 from skinlab.recording.stream import CurveCompleted, Planned, Sampled
 

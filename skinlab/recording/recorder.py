@@ -19,7 +19,7 @@ from skinlab.recording.audit import Chain, note, operator
 from skinlab.recording.dose import dose_before
 from skinlab.recording.journal import Journal, journal_of, read_journal
 from skinlab.recording.pseudonym import check_site, check_subject
-from skinlab.recording.recorded import dialect_facts
+from skinlab.recording.recorded_items import dialect_facts
 from skinlab.recording.records import Kind, Record
 from skinlab.recording.session import Session, read_session, session_from_records, write_session
 from skinlab.recording.stream import (

@@ -23,13 +23,13 @@ from skinlab.curves.curve import Curve
 from skinlab.curves.probe_file import ProbeErrors, decode_probe
 from skinlab.curves.stated_skin import StatedSkin
 from skinlab.errors import InputError
-from skinlab.inference.stored import stored_result
+from skinlab.inference.stored_results import stored_result
 from skinlab.io.documents import read_json_object, read_toml
 from skinlab.io.files import file_hash, write_file
 from skinlab.io.hdf5 import open_hdf5, read_array
 from skinlab.recording.assembler import CurveAssembler
 from skinlab.recording.clocks import ClockReading, clock_from_json, clock_readings
-from skinlab.recording.recorded import dialect_of, numbered_items, recorded_items
+from skinlab.recording.recorded_items import dialect_of, numbered_items, recorded_items
 from skinlab.recording.records import Kind, Record
 from skinlab.recording.seal import SEAL_BYTES, Seal, put_seal, read_seal
 from skinlab.recording.stream import (

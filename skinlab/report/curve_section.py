@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from skinlab.curves.program import Program
-from skinlab.inference.stored import StoredValue
+from skinlab.inference.stored_results import StoredValue
 from skinlab.mechanics.materials.base import KAPPA, NU_CONSISTENT
 from skinlab.mechanics.names import heading, label, of_law, unit_of
 from skinlab.report.flags import explanations, signed

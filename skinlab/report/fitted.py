@@ -18,7 +18,7 @@ from skinlab.inference.identify import Identifier, search_space
 from skinlab.inference.methods import get_method
 from skinlab.inference.noise import pressure_noise_mbar, slope_mm_per_mbar
 from skinlab.inference.samples import Fitted, choose, group
-from skinlab.inference.stored import StoredResult
+from skinlab.inference.stored_results import StoredResult
 from skinlab.mechanics.effects import get_effect
 from skinlab.mechanics.effects.model import response
 from skinlab.mechanics.fem.skin import Skin

@@ -8,10 +8,10 @@ from skinlab.acquisition.pipeline import Pipeline
 from skinlab.curves.curve import Curve
 from skinlab.errors import InputError
 from skinlab.inference.identify import Identifier
-from skinlab.inference.stored import StoredResult, stored_result
+from skinlab.inference.stored_results import StoredResult, stored_result
 from skinlab.quality.gates.base import Finding
 from skinlab.recording.advised import MISSING_EFFECT, advised_curves
-from skinlab.recording.recorded import dialect_of, recorded_items
+from skinlab.recording.recorded_items import dialect_of, recorded_items
 from skinlab.recording.session import Session
 from skinlab.recording.stream import CurveCompleted, Flagged, Message
 from skinlab.report.fitted import Fit, fit_again

@@ -31,7 +31,7 @@ def decimals(low: float, high: float) -> int:
     """
     width = abs(high - low)
     if not (math.isfinite(width) and width > 0):
-        return _significant(low, 3)
+        return _three_digits(low)
     return -math.floor(math.log10(width / _PARTS))
 
 
@@ -43,7 +43,7 @@ def rounded(value: float, places: int) -> str:
 def interval_words(value: Interval) -> str:
     """Return both ends, rounded to what they carry: 1.0–3.3; without an interval three digits."""
     if value.low is None or value.high is None:
-        return rounded(value.value, _significant(value.value, 3))
+        return rounded(value.value, _three_digits(value.value))
     places = decimals(value.low, value.high)
     return f"{rounded(value.low, places)}–{rounded(value.high, places)}"
 
@@ -51,14 +51,15 @@ def interval_words(value: Interval) -> str:
 def best_words(value: Interval) -> str:
     """Return the value itself, with as many decimals as its interval has."""
     if value.low is None or value.high is None:
-        return rounded(value.value, _significant(value.value, 3))
+        return rounded(value.value, _three_digits(value.value))
     return rounded(value.value, decimals(value.low, value.high))
 
 
-def _significant(value: float, digits: int) -> int:
+def _three_digits(value: float) -> int:
+    """Return with how many decimals a number has three significant digits."""
     if not math.isfinite(value) or value == 0:
-        return digits - 1
-    return digits - 1 - math.floor(math.log10(abs(value)))
+        return 2
+    return 2 - math.floor(math.log10(abs(value)))
 
 
 def half_width_percent(value: Interval) -> float | None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -18,53 +19,65 @@ from skinlab.text import counted, inert
 
 def describe_session(path: Path, session: Session) -> str:
     """Return the text: where it is from, its curves with their results, and the audit trail."""
-    lines: list[str] = []
+    clocks = _clocks(session)
+    lines = _origin(path, session)
+    if any(clocks):
+        lines.append(f"  {_describe_clocks([c for c in clocks if c is not None])}")
+    lines += _curve_lines(session, clocks)
+    lines += _audit_lines(session)
+    return "\n".join(inert(line) for line in lines)
 
-    def tell(line: str) -> None:
-        lines.append(inert(line))
 
+def _origin(path: Path, session: Session) -> list[str]:
+    """Return from whom, when and by what the curves are."""
     meta = session.meta
-    instrument = meta.get("instrument") or {}
     imported = meta.get("imported")
     done = "measured" if imported is None else "imported"
-    tell(f"{path}: {done} {meta.get('created_utc')} with skinlab {meta.get('skinlab_version')}")
-    tell(f"  subject {meta.get('subject') or '-'}, site {meta.get('site') or '-'}")
-    if imported is None:
-        simulated = " (SIMULATED)" if instrument.get("simulated") else ""
-        tell(f"  instrument {instrument.get('model', '-')}{simulated} at {meta.get('url')}")
-        dialect = meta.get("dialect") or {}
-        if dialect:
-            file = f", a file, sha256:{dialect['sha256']}" if "sha256" in dialect else ""
-            tell(f"  dialect {dialect.get('name')}, version {dialect.get('version')}{file}")
-        if meta.get("control"):
-            tell(f"  read-only: {meta['control']}")
-    else:
-        tell(f"  measured {measured_utc(meta) or 'on a day that nobody stated'}")
-        tell(
+    lines = [
+        f"{path}: {done} {meta.get('created_utc')} with skinlab {meta.get('skinlab_version')}",
+        f"  subject {meta.get('subject') or '-'}, site {meta.get('site') or '-'}",
+    ]
+    if imported is not None:
+        return [
+            *lines,
+            f"  measured {measured_utc(meta) or 'on a day that nobody stated'}",
             f"  from {counted(len(imported), 'file')} of other software; "
-            "no instrument was connected"
-        )
-    if imported is None:
-        tell(f"  {describe_dose(dose_of(session))}")
-    clocks = _clocks(session)
-    if any(clocks):
-        tell(f"  {_describe_clocks([c for c in clocks if c is not None])}")
+            "no instrument was connected",
+        ]
+    instrument = meta.get("instrument") or {}
+    simulated = " (SIMULATED)" if instrument.get("simulated") else ""
+    lines.append(f"  instrument {instrument.get('model', '-')}{simulated} at {meta.get('url')}")
+    if dialect := meta.get("dialect"):
+        file = f", a file, sha256:{dialect['sha256']}" if "sha256" in dialect else ""
+        lines.append(f"  dialect {dialect.get('name')}, version {dialect.get('version')}{file}")
+    if meta.get("control"):
+        lines.append(f"  read-only: {meta['control']}")
+    lines.append(f"  {describe_dose(dose_of(session))}")
+    return lines
+
+
+def _curve_lines(session: Session, clocks: Sequence[ClockReading | None]) -> Iterator[str]:
+    """Yield what each curve is of, how its clock went, and its result."""
     for k, (curve, result) in enumerate(zip(session.curves, session.results, strict=True)):
         setup = curve.setup
         placed = "" if setup.placement is None else f", placement {setup.placement}"
         state = " partial" if curve.partial else ""
-        tell(
+        yield (
             f"  {curve.name}: {setup.aperture_mm:g} mm, {setup.thickness_mm:g} mm skin, "
             f"{setup.program or 'program not stated'}, cycle {setup.cycle}{placed}, "
             f"{len(curve)} samples{state}"
         )
         if k < len(clocks) and (clock := clocks[k]) is not None:
-            tell(f"    {_describe_clock(clock)}")
-        values = (result or {}).get("parameters") or {}
-        if values:
+            yield f"    {_describe_clock(clock)}"
+        found = result or {}
+        if values := found.get("parameters"):
             text = ", ".join(_value(name, entry["value"]) for name, entry in values.items())
-            error_um = (result or {}).get("error_um")
-            tell(f"    {text}" + ("" if error_um is None else f", fit error {error_um:.3g} µm"))
+            error_um = found.get("error_um")
+            yield f"    {text}" + ("" if error_um is None else f", fit error {error_um:.3g} µm")
+
+
+def _audit_lines(session: Session) -> Iterator[str]:
+    """Yield the entries of the audit trail."""
     for entry in entries(session.records):
         detail = ", ".join(
             f"{key} {value}"
@@ -74,8 +87,7 @@ def describe_session(path: Path, session: Session) -> str:
             and not (entry.what == "protocol" and key == "text")
         )
         about = f": {detail}" if detail and entry.what != "session opened" else ""
-        tell(f"  {entry.number:3d}  {entry.utc[:23]}  {entry.who}  {entry.what}{about}")
-    return "\n".join(lines)
+        yield f"  {entry.number:3d}  {entry.utc[:23]}  {entry.who}  {entry.what}{about}"
 
 
 def _value(name: str, value: float) -> str:

@@ -16,11 +16,12 @@ if TYPE_CHECKING:
     from drivers.dose import Dose
     from skinlab.inference.error_judgement import ErrorModelSummary, PlacementSummary
     from skinlab.inference.result import Advice, Identification
-    from skinlab.inference.stored import StoredErrors
+    from skinlab.inference.stored_results import StoredErrors
 
 _CONTRADICTED = re.compile(
     r"stated ([0-9.e+-]+) µm, found ([0-9.e+-]+) µm[^;]*"
 )  # in why errors are so
+_MOST_ADVICE = 5  # measurements of which is told, best first
 _CLEARLY = 1.3  # times the noise: below, a ratio says nothing
 _SENTENCES = (
     "outliers", "correlated_noise", "stated_noise_contradicted",
@@ -183,12 +184,12 @@ def times_the_noise(
     return f"{rms_um / noise_um:.1f}", which
 
 
-def describe_advice(advice: Sequence[Advice], most: int = 5) -> str:
+def describe_advice(advice: Sequence[Advice]) -> str:
     """Return the best measurements in a few lines."""
     if not advice:
         return "No further measurement of the menu would help, or none can be computed."
     lines = ["To narrow the intervals, measure next (expected widths, today's being 100 %):"]
-    for item in advice[:most]:
+    for item in advice[:_MOST_ADVICE]:
         widths = ", ".join(
             f"{plain(name)[0]} {100 * ratio:.0f} %" for name, ratio in item.narrows.items()
         )

@@ -71,7 +71,7 @@ def jobs(study: Study) -> list[Job]:
         todo += stochastic(study, Blind(), samples, study.blind_repeats(samples))
         todo += stochastic(study, StandIn(), samples, study.repeats)
     todo += [gauss_newton(StandIn(seed)) for seed in range(study.noise_draws)]
-    todo += [BestAtNu(StandIn(), nu, study.seed) for nu in VALLEY_NU]
+    todo += valley(study)
     return todo
 
 
@@ -109,19 +109,17 @@ def _table_1(study: Study, results: Results) -> Part:
         ),
     ]
     scatters: list[Scatter] = []
+    everyone: list[Found] = []
     for samples in study.samples:
         repeats = study.blind_repeats(samples)
-        found = Scatter.of(_found(results, stochastic(study, Blind(), samples, repeats)))
+        cases = _found(results, stochastic(study, Blind(), samples, repeats))
+        everyone += cases
+        found = Scatter.of(cases)
         scatters.append(found)
         row = published_values.TABLE_1_STO.get(samples)
         table.scatter(f"STO, N = {samples}", found, row)
         if row is not None:
             comparisons.append(_row_comparison(samples, found, row))
-    everyone = [
-        f
-        for n in study.samples
-        for f in _found(results, stochastic(study, Blind(), n, study.blind_repeats(n)))
-    ]
     lost = sum(f.lost for f in everyone)
     comparisons.append(
         Comparison(
@@ -241,27 +239,30 @@ def valley(study: Study) -> list[BestAtNu]:
 def times(study: Study, results: Results) -> Table:
     """Return the median CPU time of each kind of run; the one table that no run repeats."""
     rows: list[tuple[Cell, ...]] = []
-    for curve, case, gn, rls, sto in (
+    for curve, case, repeats_of, gn, rls, sto in (
         (
             "blind test",
             Blind(),
+            study.blind_repeats,
             published_values.TABLE_1_GN,
             published_values.TABLE_1_RLS,
             published_values.TABLE_1_STO,
         ),
-        ("stand-in", StandIn(), published_values.TABLE_2_GN, None, published_values.TABLE_2_STO),
+        (
+            "stand-in",
+            StandIn(),
+            lambda _: study.repeats,
+            published_values.TABLE_2_GN,
+            None,
+            published_values.TABLE_2_STO,
+        ),
     ):
         kinds: list[tuple[str, list[Identify], published_values.Row | None]] = [
             ("GN", [gauss_newton(case)], gn)
         ]
         kinds += [(f"RLS, λ0 = {f:g}", [recursive(study, case, f)], rls) for f in FORGETTING]
         for samples in study.samples:
-            repeats = (
-                study.repeats
-                if sto is published_values.TABLE_2_STO
-                else study.blind_repeats(samples)
-            )
-            runs = stochastic(study, case, samples, repeats)
+            runs = stochastic(study, case, samples, repeats_of(samples))
             kinds.append((f"STO, N = {samples}", runs, sto.get(samples)))
         for name, runs, row in kinds:
             seconds = float(np.median([f.cpu_s for f in _found(results, runs)]))
@@ -277,10 +278,7 @@ class _Rows:
         self._shown: list[tuple[Cell, ...]] = []
 
     def single(self, method: str, found: Found, row: published_values.Row | None) -> None:
-        if row is None:
-            printed: tuple[Cell, ...] = (None,) * 4
-        else:
-            printed = (*row.parameters, row.error_um)
+        printed = _printed(row)
         spent = (found.iterations, found.evaluations)
         self._rows.append(
             (method, 1, *found.parameters, found.error_um, None, None, None, *spent, *printed)
@@ -296,10 +294,7 @@ class _Rows:
         )
 
     def scatter(self, method: str, found: Scatter, row: published_values.Row | None) -> None:
-        if row is None:
-            printed: tuple[Cell, ...] = (None,) * 4
-        else:
-            printed = (*row.parameters, row.error_um)
+        printed = _printed(row)
         cases = len(found.error_um)
         error = float(found.error_um.mean())
         spent = (float(found.iterations.mean()), float(found.evaluations.mean()))
@@ -319,6 +314,11 @@ class _Rows:
 
     def shown(self) -> Table:
         return Table(_SHOWN, tuple(self._shown))
+
+
+def _printed(row: published_values.Row | None) -> tuple[Cell, ...]:
+    """Return X1, X2, ν (MPa, MPa, 1) and E (µm) as the paper prints them, where it does."""
+    return (None,) * 4 if row is None else (*row.parameters, row.error_um)
 
 
 def _found(results: Results, runs: Iterable[Job]) -> list[Found]:

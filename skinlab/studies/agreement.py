@@ -28,7 +28,7 @@ class Icc:
     high: float
 
 
-def shrout_fleiss(table: Array, level: float = COMPONENTS.published_level) -> tuple[Icc, ...]:
+def shrout_fleiss(table: Array) -> tuple[Icc, ...]:
     """Return the six intraclass correlations of a table (targets, raters) without gaps.
 
     Shrout and Fleiss 1979, Psychol. Bull. 86:420; intervals as in McGraw and Wong 1996, Psychol.
@@ -50,7 +50,7 @@ def shrout_fleiss(table: Array, level: float = COMPONENTS.published_level) -> tu
     error = max(total - rows - columns, 0.0) / ((n - 1) * (k - 1))
     if not (within > 0 and error > 0):
         raise ValueError("the raters do not differ at all")
-    tail = 1 - (1 - level) / 2
+    tail = 1 - (1 - COMPONENTS.published_level) / 2
 
     def quantile(first: float, second: float) -> float:
         return float(f_distribution.ppf(tail, first, second))

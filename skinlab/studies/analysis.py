@@ -7,7 +7,7 @@ logarithms (`scale` is `log`), and once more as they are (`linear`); all else is
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import PurePath
 
@@ -77,6 +77,10 @@ class Analysis:
     def key(self) -> Row:
         """The columns that name it."""
         return {"condition": self.condition, "quantity": self.quantity, "scale": self.scale}
+
+    def owns(self, row: Mapping[str, Cell]) -> bool:
+        """Return whether a row of a table is of this analysis."""
+        return all(row[name] == value for name, value in self.key.items())
 
     def facets(self) -> Iterator[Facet]:
         """Yield the facets of which the study can say something."""

@@ -81,14 +81,7 @@ def learn(
     ages = np.array([np.nan if p.age_years is None else p.age_years for p in kept])
     aged = bool(np.isfinite(ages).all()) and float(np.ptp(ages)) > 0
     middle = float(np.nanmean(ages)) if aged else 0.0
-    columns = [np.ones(len(kept))]
-    columns += [
-        np.array([(p.site == s) - (p.site == sites[-1]) for p in kept], dtype=float)
-        for s in sites[:-1]
-    ]
-    if aged:
-        columns.append((ages - middle) / 10.0)
-    x = np.column_stack(columns)
+    x = _regressors(kept, sites, (ages - middle) / 10.0 if aged else None)
     centre = z.mean(axis=(0, 1))  # sums of squares are about it: nothing cancels
     data = _Data.of(z - centre, 1.0 / np.bincount(person)[person], x)
     coefficients, covariance = _fit(data, kinds, None)
@@ -125,6 +118,21 @@ def learn(
         per_decade=_plain(coefficients[-1]) if aged else [],
         source=source,
     )
+
+
+def _regressors(kept: list[Posterior], sites: list[str], decades: Array | None) -> Array:
+    """Return what the mean depends on (curves, m): all alike, the sites, whose sum is 0, the age.
+
+    `decades` (curves,) are ages about their middle; None where they tell nothing.
+    """
+    columns = [np.ones(len(kept))]
+    columns += [
+        np.array([(p.site == s) - (p.site == sites[-1]) for p in kept], dtype=float)
+        for s in sites[:-1]
+    ]
+    if decades is not None:
+        columns.append(decades)
+    return np.column_stack(columns)
 
 
 def to_toml(file: PriorFile) -> str:

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import pairwise
+from itertools import pairwise, product
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -24,6 +24,7 @@ from skinlab.curves.apertures import check_aperture
 from skinlab.curves.program import parse_program
 from skinlab.errors import InputError
 from skinlab.io.documents import decode, of_schema, read_toml, toml_text
+from skinlab.io.files import named_in_errors
 from skinlab.report.page import Section, Table
 from skinlab.studies.analysis import main_scale, usable
 from skinlab.studies.settings import REFERENCES
@@ -74,6 +75,17 @@ class Range(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tru
         except ValueError:
             raise ValueError("percentiles: expected names such as '5'") from None
         return [p for p, _ in pairs], [v for _, v in pairs]
+
+    @property
+    def span(self) -> tuple[float, float]:
+        """The values of the outermost percentiles."""
+        _, values = self.points
+        return values[0], values[-1]
+
+    @property
+    def narrowed(self) -> int:
+        """By how many of sex and age it is of some people only."""
+        return (self.sex != ANY) + (self.age_years is not None)
 
     @property
     def words(self) -> str:
@@ -137,12 +149,8 @@ def read_reference(path: Path) -> Reference:
     Raises:
         InputError: it cannot be read, or a field is unknown, missing or wrong.
     """
-    try:
+    with named_in_errors(path):
         return decode(of_schema(read_toml(read_whole(path)), SCHEMA), Reference)
-    except OSError as error:
-        raise InputError(f"{path}: {error.strerror or error}") from None
-    except ValueError as error:
-        raise InputError(f"{path}: {error}") from None
 
 
 def write_reference(reference: Reference) -> str:
@@ -211,9 +219,8 @@ def place(
         here = left
     best: dict[str, Range] = {}
     for one in here:  # a range for this sex and age says more than one for all
-        narrow = (one.sex != ANY) + (one.age_years is not None)
         other = best.get(one.quantity)
-        if other is None or narrow > (other.sex != ANY) + (other.age_years is not None):
+        if other is None or one.narrowed > other.narrowed:
             best[one.quantity] = one
     return [
         _placed(reference, one, values[name])
@@ -295,8 +302,8 @@ def reference_of(
     missing: list[str] = []
     ages = kept.number("age_years") if "age_years" in kept.names else None
     sexes = kept.text["sex"] if "sex" in kept.names else None
-    groups: list[tuple[float, float] | None] = [None, *(bands if ages is not None else ())]
-    wanted = [ANY, *(["f", "m"] if by_sex and sexes is not None else [])]
+    bands_of: list[tuple[float, float] | None] = [None, *(bands if ages is not None else ())]
+    sexes_of = [ANY, *(["f", "m"] if by_sex and sexes is not None else [])]
     keys = sorted(
         set(zip(*(kept.text[n].tolist() for n in ("site", "aperture_mm", "program")), strict=True))
     )
@@ -309,29 +316,28 @@ def reference_of(
             & (kept.text["aperture_mm"] == aperture)
             & (kept.text["program"] == program)
         )
-        for band in groups:
-            for sex in wanted:
-                mask = here
-                if band is not None and ages is not None:
-                    mask = mask & (ages >= band[0]) & (ages < band[1])
-                if sex != ANY and sexes is not None:
-                    mask = mask & (sexes == sex)
-                rows = kept.where(mask)
-                people = len(np.unique(rows.text["subject"]))
-                if not people:
-                    continue
-                if people < REFERENCES.fewest_people:
-                    who = f"{band[0]:g} to {band[1]:g} years" if band else "all ages"
-                    missing.append(
-                        f"{site or 'no site'}, {float(aperture):g} mm, {program}, {who}, sex {sex}:"
-                        f" no reference range of {people} people; expected at least "
-                        f"{REFERENCES.fewest_people}"
-                    )
-                    continue
-                for quantity in kept.quantities:
-                    one = _range(rows, quantity, site or "not stated", aperture, program, sex, band)
-                    if one is not None:
-                        ranges.append(one)
+        for band, sex in product(bands_of, sexes_of):
+            mask = here
+            if band is not None and ages is not None:
+                mask = mask & (ages >= band[0]) & (ages < band[1])
+            if sex != ANY and sexes is not None:
+                mask = mask & (sexes == sex)
+            rows = kept.where(mask)
+            people = len(np.unique(rows.text["subject"]))
+            if not people:
+                continue
+            if people < REFERENCES.fewest_people:
+                who = f"{band[0]:g} to {band[1]:g} years" if band else "all ages"
+                missing.append(
+                    f"{site or 'no site'}, {float(aperture):g} mm, {program}, {who}, sex {sex}: "
+                    f"no reference range of {people} people; expected at least "
+                    f"{REFERENCES.fewest_people}"
+                )
+                continue
+            for quantity in kept.quantities:
+                one = _range(rows, quantity, site or "not stated", aperture, program, sex, band)
+                if one is not None:
+                    ranges.append(one)
     if not ranges:
         return None, missing
     made = Reference(

@@ -162,18 +162,10 @@ def _agreement(one: Analysis) -> Iterator[Row]:
         for k in (1, 2, 3):
             value = true / (true + error / k) if true + error > 0 else 0.0
             whole = np.maximum(drawn_true + drawn / k, np.finfo(float).tiny)
-            low, high = interval(drawn_true / whole, value)
             form = f"ICC({facet.form},{'1' if k == 1 else 'k'})"
-            yield {
-                **key,
-                "measure": form,
-                "k": k,
-                "value": value,
-                "low": low,
-                "high": high,
-                "unit": "1",
-                "definition": f"{'+'.join(facet.same)} / (the same + ({'+'.join(facet.error)})/k)",
-            }
+            words = f"{'+'.join(facet.same)} / (the same + ({'+'.join(facet.error)})/k)"
+            found_in = (value, *interval(drawn_true / whole, value))
+            yield key | _measure(form, k, found_in, "1", words)
         unit = "log" if one.scale == "log" else "of the quantity"
         for k in COMPONENTS.repeats:
             # Repeats are new placements: what a visit, operator or probe adds stays.
@@ -183,26 +175,25 @@ def _agreement(one: Analysis) -> Iterator[Row]:
                 value = factor * math.sqrt(left)
                 low = min(factor * math.sqrt(ends[0]), value)
                 high = max(factor * math.sqrt(ends[1]), value)
-                row: Row = {**key, "measure": measure, "k": k}
-                yield {
-                    **row,
-                    "value": value,
-                    "low": low,
-                    "high": high,
-                    "unit": unit,
-                    "definition": f"{'1.96 √2 ' if factor > 1 else ''}√({'+'.join(facet.error)})",
-                }
+                words = f"{'1.96 √2 ' if factor > 1 else ''}√({'+'.join(facet.error)})"
+                yield key | _measure(measure, k, (value, low, high), unit, words)
                 name = "CV" if measure == "SEM" else "MDC95 %"
                 percent = [_percent(v, one, measure) for v in (value, low, high)]
-                yield {
-                    **row,
-                    "measure": name,
-                    "value": percent[0],
-                    "low": percent[1],
-                    "high": percent[2],
-                    "unit": "%",
-                    "definition": _percent_words(one.scale, measure),
-                }
+                yield key | _measure(name, k, percent, "%", _percent_words(one.scale, measure))
+
+
+def _measure(name: str, k: int, found: Sequence[float], unit: str, definition: str) -> Row:
+    """Return the columns of a measure of agreement of k repeats: value, low and high."""
+    value, low, high = found
+    return {
+        "measure": name,
+        "k": k,
+        "value": value,
+        "low": low,
+        "high": high,
+        "unit": unit,
+        "definition": definition,
+    }
 
 
 def _percent(value: float, one: Analysis, measure: str) -> float:
@@ -293,21 +284,15 @@ def _from_tables(one: Analysis, table: Columns, y: Array) -> Iterator[Row]:
             found = shrout_fleiss(np.array(whole))
         except ValueError:
             continue
+        key: Row = {"facet": facet, "by": "table", "level": COMPONENTS.published_level}
+        words = (
+            f"Shrout and Fleiss 1979: {len(whole)} targets "
+            f"({'×'.join(_AGAIN[facet])}) × {len(levels)} of {facet}, means of cells"
+        )
         for icc in found:
-            yield {
-                **one.key,
-                "facet": facet,
-                "by": "table",
-                "level": COMPONENTS.published_level,
-                "measure": icc.form,
-                "k": 1 if icc.form.endswith("1)") else len(levels),
-                "value": icc.value,
-                "low": icc.low,
-                "high": icc.high,
-                "unit": "1",
-                "definition": f"Shrout and Fleiss 1979: {len(whole)} targets "
-                f"({'×'.join(_AGAIN[facet])}) × {len(levels)} of {facet}, means of cells",
-            }
+            k = 1 if icc.form.endswith("1)") else len(levels)
+            ends = (icc.value, icc.low, icc.high)
+            yield one.key | key | _measure(icc.form, k, ends, "1", words)
 
 
 def _agreements(one: Analysis, table: Columns, y: Array) -> Iterator[tuple[Row, list[Row]]]:

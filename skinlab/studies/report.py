@@ -204,7 +204,7 @@ def _agreement(found: Reliability, main: Sequence[Analysis]) -> Section:
     rows: list[list[str]] = []
     figures: list[Illustration] = []
     for one in main:
-        own = [r for r in found.agreement if _is(r, one) and r["by"] == "components"]
+        own = [r for r in found.agreement if one.owns(r) and r["by"] == "components"]
         for facet in FACETS:
             of = {(str(r["measure"]), r["k"]): r for r in own if r["facet"] == facet.name}
             single = of.get((f"ICC({facet.form},1)", 1))
@@ -251,10 +251,6 @@ def _ends(row: Row, digits: int) -> str:
     return f"{low:.{digits}f} to {upper} %"
 
 
-def _is(row: Row, one: Analysis) -> bool:
-    return all(row[k] == v for k, v in one.key.items())
-
-
 def _forests(main: Sequence[Analysis], people: Mapping[str, Sequence[Row]]) -> Iterator[Section]:
     figures = [
         _picture(
@@ -278,7 +274,7 @@ def _bland_altman(found: Reliability, main: Sequence[Analysis]) -> Iterator[Sect
     figures: list[Illustration] = []
     for one in main:
         pictured: set[str] = set()
-        for row in (r for r in found.bland_altman if _is(r, one)):
+        for row in filter(one.owns, found.bland_altman):
             rows.append(
                 [
                     f"{one.quantity} ({one.scale})",
@@ -322,7 +318,7 @@ def _trends(table: Columns, found: Reliability, main: Sequence[Analysis]) -> Ite
     rows: list[list[str]] = []
     figures: list[Illustration] = []
     for one in main:
-        for row in (r for r in found.trends if _is(r, one)):
+        for row in filter(one.owns, found.trends):
             rows.append(
                 [
                     f"{one.quantity} ({one.scale})",

@@ -28,7 +28,7 @@ from skinlab.errors import InputError
 from skinlab.exchange.importing.folder import SUFFIXES
 from skinlab.exchange.importing.headings import read_heading
 from skinlab.io.documents import read_toml
-from skinlab.io.files import cannot_read, file_hash, real_path
+from skinlab.io.files import cannot_read, file_hash, named_in_errors, real_path
 from skinlab.mechanics.names import parameter_of
 from skinlab.recording.load_inputs import SESSIONS
 from skinlab.studies.facts import LABELS, LEFT_OUT, NOISE, PARTIAL, SETUP, Facts, checked
@@ -43,6 +43,7 @@ LEFT_ALONE = "left alone: "  # how the reason begins of what nobody would take f
 _NOT_LEFT_OUT = frozenset({"no", "false", "0"})
 
 _ENDINGS = SUFFIXES | SESSIONS
+_EXPECTED = ", ".join(sorted(_ENDINGS))
 _HEAD_BYTES = 4096
 _MOST_BYTES = 2 << 30  # of any file: to look at more takes longer than anybody waits
 _OURS = re.compile(  # columns of exported tables that a study computes itself
@@ -115,90 +116,121 @@ def find_sources(plan: Plan) -> Iterator[Source | Table]:
     empty: list[Source] = []
     for folder, prefix in zip(plan.folders, names, strict=True):
         if folder.is_file():
-            yield _source(folder, folder.parent, folder.name, {}, plan, layout)
+            yield _Top(folder.parent, "", plan, layout).source(folder, {})
             continue
         curves = False
-        for found in _walk(folder, prefix, {}, plan, layout, folder):
+        for found in _Top(folder, prefix, plan, layout).walk(folder, {}):
             curves = curves or (isinstance(found, Source) and not found.left_alone)
             yield found
         if not curves:
-            reason = f"{folder}: no curve is in it; expected {', '.join(sorted(_ENDINGS))}"
+            reason = f"{folder}: no curve is in it; expected {_EXPECTED}"
             empty.append(Source(prefix or folder.name, folder, error=reason))
     if len(empty) == len(plan.folders):  # a wrong folder, or a drive that is away
         raise InputError("; ".join(str(one.error) for one in empty))
     yield from empty
 
 
-def _walk(
-    folder: Path,
-    prefix: str,
-    known: Mapping[Path, Facts],
-    plan: Plan,
-    layout: PathLayout | None,
-    top: Path,
-) -> Iterator[Source | Table]:
-    """Yield what is in one folder; what its tables say of deeper files goes down with it."""
-    try:
-        entries = sorted(os.scandir(folder), key=lambda e: e.name)
-    except OSError as error:
-        yield Source(prefix or folder.name, folder, error=f"{folder}: {error.strerror or error}")
-        return
-    if any(entry.name == STATE for entry in entries):
-        reason = f"{LEFT_ALONE}{folder}: the folder of a study"
-        yield Source(_name(folder, top, prefix), folder, error=reason)
-        return
-    folders, files = [], []
-    for entry in entries:
-        path = Path(entry.path)
-        if entry.name.startswith((".", "~")):
-            continue
-        kind, why = _kind(entry)
-        if kind == "folder":
-            if plan.without is None or real_path(path) != plan.without:
-                folders.append(path)
-        elif kind == "file":
-            files.append(path)
-        else:
-            yield Source(_name(path, top, prefix), path, error=f"{path}: {why}")
-    listed = dict(known)
-    curves: list[Path] = []
-    for path in files:
-        suffix = path.suffix.lower()
+@dataclass(frozen=True)
+class _Top:
+    """A folder that was named, and how to look at what is in it."""
+
+    folder: Path
+    prefix: str  # of the names of its files
+    plan: Plan
+    layout: PathLayout | None
+
+    def walk(self, folder: Path, known: Mapping[Path, Facts]) -> Iterator[Source | Table]:
+        """Yield what is in one folder; what its tables say of deeper files goes down with it."""
         try:
-            if suffix == ".toml":
-                listed |= _campaign(path)
-            elif suffix == ".csv" and (table := read_table(path)) is not None:
-                if "file" in table.columns:
-                    listed |= _listed(table)
-                else:
-                    yield table
-            elif suffix in _ENDINGS:
-                curves.append(path)
-            elif suffix == ".journal":
-                reason = f"{path}: a measurement that did not end; see `skinlab recover`"
-                yield Source(_name(path, top, prefix), path, error=reason)
+            entries = sorted(os.scandir(folder), key=lambda e: e.name)
+        except OSError as error:
+            reason = f"{folder}: {error.strerror or error}"
+            yield Source(self.prefix or folder.name, folder, error=reason)
+            return
+        if any(entry.name == STATE for entry in entries):
+            yield self._unusable(folder, f"{LEFT_ALONE}{folder}: the folder of a study")
+            return
+        folders, files = [], []
+        for entry in entries:
+            path = Path(entry.path)
+            if entry.name.startswith((".", "~")):
+                continue
+            kind, why = _kind(entry)
+            if kind == "folder":
+                if self.plan.without is None or real_path(path) != self.plan.without:
+                    folders.append(path)
+            elif kind == "file":
+                files.append(path)
             else:
-                reason = f"{LEFT_ALONE}{path}: expected {', '.join(sorted(_ENDINGS))}"
-                yield Source(_name(path, top, prefix), path, error=reason)
+                yield self._unusable(path, f"{path}: {why}")
+        listed = dict(known)
+        curves: list[Path] = []
+        for path in files:
+            suffix = path.suffix.lower()
+            try:
+                if suffix == ".toml":
+                    listed |= _campaign(path)
+                elif suffix == ".csv" and (table := read_table(path)) is not None:
+                    if "file" in table.columns:
+                        listed |= _listed(table)
+                    else:
+                        yield table
+                elif suffix in _ENDINGS:
+                    curves.append(path)
+                elif suffix == ".journal":
+                    reason = f"{path}: a measurement that did not end; see `skinlab recover`"
+                    yield self._unusable(path, reason)
+                else:
+                    yield self._unusable(path, f"{LEFT_ALONE}{path}: expected {_EXPECTED}")
+            except InputError as error:
+                yield self._unusable(path, str(error))
+        for path in curves:
+            yield self.source(path, listed.pop(path, {}))
+        below: dict[Path, dict[Path, Facts]] = {path: {} for path in folders}
+        for path, facts in listed.items():
+            branch = next((p for p in path.parents if p in below), None)
+            if branch is not None:
+                below[branch][path] = facts
+            else:
+                reason = f"{path}: listed in {facts['listed']}, and not there"
+                yield self._unusable(path, facts.get("error", reason))
+        for path, facts_of in below.items():
+            yield from self.walk(path, facts_of)
+
+    def source(self, path: Path, facts: Facts) -> Source:
+        """Return a file with all that is known of it."""
+        if "error" in facts:
+            return self._unusable(path, str(facts["error"]))
+        if str(facts.get(LEFT_OUT, "no")).casefold() not in _NOT_LEFT_OUT:
+            reason = f"{LEFT_ALONE}{path}: its operator left it out: {facts[LEFT_OUT]}"
+            return self._unusable(path, reason)
+        try:
+            merged = {**self.plan.stated, **self._by_path(path), **facts}
+            merged.pop("listed", None)
+            return Source(self._name(path), path, checked(merged, str(path)))
         except InputError as error:
-            yield Source(_name(path, top, prefix), path, error=str(error))
-    present = set(curves)
-    for path in curves:
-        facts = listed.pop(path, {})
-        yield _source(path, top, _name(path, top, prefix), facts, plan, layout)
-    inside = set(folders)
-    below: dict[Path, dict[Path, Facts]] = {}
-    for path, facts in listed.items():
-        if path in present:
-            continue
-        branch = next((p for p in path.parents if p in inside), None)
-        if branch is not None:
-            below.setdefault(branch, {})[path] = facts
-        else:
-            reason = f"{path}: listed in {facts['listed']}, and not there"
-            yield Source(_name(path, top, prefix), path, error=facts.get("error", reason))
-    for path in folders:
-        yield from _walk(path, prefix, below.get(path, {}), plan, layout, top)
+            return self._unusable(path, str(error))
+
+    def _unusable(self, path: Path, reason: str) -> Source:
+        return Source(self._name(path), path, error=reason)
+
+    def _by_path(self, path: Path) -> Facts:
+        """Return what a path says: pairs from the named folder on, a layout inside it.
+
+        Raises:
+            InputError: the path is none of the layout, or a pair is wrong.
+        """
+        stem = path.relative_to(self.folder).as_posix().rsplit(".", 1)[0]
+        with named_in_errors(path):
+            found = pairs_of(f"{real_path(self.folder).name}/{stem}")
+            return found if self.layout is None else found | self.layout.facts(stem)
+
+    def _name(self, path: Path) -> str:
+        try:
+            inside = path.relative_to(self.folder).as_posix()
+        except ValueError:
+            inside = path.name
+        return f"{self.prefix}/{inside}" if self.prefix else inside
 
 
 def _kind(entry: os.DirEntry[str]) -> tuple[str, str]:
@@ -216,41 +248,6 @@ def _kind(entry: os.DirEntry[str]) -> tuple[str, str]:
         return "", "a link to nothing" if entry.is_symlink() else "no regular file"
     except OSError as error:  # a link that leads to itself, a folder that nobody may read
         return "", error.strerror or str(error)
-
-
-def _source(
-    path: Path, top: Path, name: str, facts: Facts, plan: Plan, layout: PathLayout | None
-) -> Source:
-    """Return a file with all that is known of it; `top` is the folder that was named."""
-    if "error" in facts:
-        return Source(name, path, error=str(facts["error"]))
-    if str(facts.get(LEFT_OUT, "no")).casefold() not in _NOT_LEFT_OUT:
-        reason = f"{LEFT_ALONE}{path}: its operator left it out: {facts[LEFT_OUT]}"
-        return Source(name, path, error=reason)
-    try:
-        merged = {**plan.stated, **_by_path(path, top, layout), **facts}
-        merged.pop("listed", None)
-        return Source(name, path, checked(merged, str(path)))
-    except InputError as error:
-        return Source(name, path, error=str(error))
-
-
-def _by_path(path: Path, top: Path, layout: PathLayout | None) -> Facts:
-    """Return what a path says: pairs from the folder that was named on, a layout inside it."""
-    stem = path.relative_to(top).as_posix().rsplit(".", 1)[0]
-    try:
-        found = pairs_of(f"{real_path(top).name}/{stem}")
-        return found if layout is None else found | layout.facts(stem)
-    except InputError as error:
-        raise InputError(f"{path}: {error}") from None
-
-
-def _name(path: Path, top: Path, prefix: str) -> str:
-    try:
-        inside = path.relative_to(top).as_posix()
-    except ValueError:
-        inside = path.name
-    return f"{prefix}/{inside}" if prefix else inside
 
 
 def _folder_names(folders: Sequence[Path]) -> list[str]:
@@ -272,11 +269,8 @@ def read_table(path: Path) -> Table | None:
     Raises:
         InputError: it is one, and cannot be read.
     """
-    try:
-        with path.open("rb") as file:
-            head = file.read(_HEAD_BYTES)
-    except OSError as error:
-        raise InputError(f"{path}: {error.strerror or error}") from None
+    with named_in_errors(path), path.open("rb") as file:
+        head = file.read(_HEAD_BYTES)
     first = head.split(b"\n", 1)[0].decode("utf-8-sig", errors="replace").strip()
     sign = max(",;\t", key=first.count)
     columns = tuple(_column(c.strip().strip('"')) for c in first.split(sign))

@@ -59,6 +59,7 @@ from drivers.reading import read_whole
 from skinlab.curves.program import MOST_PRESSURE_MBAR
 from skinlab.errors import InputError
 from skinlab.io.documents import read_toml
+from skinlab.io.files import named_in_errors
 from skinlab.mechanics.effects import get_effect
 from skinlab.mechanics.fem.suction import EXTENSION_BELOW_MBAR, MBAR
 from skinlab.mechanics.model_file import (
@@ -101,19 +102,11 @@ def read_spec(path: str | Path) -> CustomSpec | DimensionlessSpec:
             message names the file and the field.
     """
     path = Path(path)
-    try:
-        raw = read_whole(path)
-    except OSError as error:
-        raise InputError(f"{path}: {error.strerror or error}") from None
-    try:
-        said = read_toml(raw)
-    except ValueError as error:
-        raise InputError(f"{path}: {error}") from None
+    with named_in_errors(path):
+        said = read_toml(read_whole(path))
     named = _named_model(said, path)
-    try:
+    with named_in_errors(path):
         return _spec_of(said, named)
-    except ValueError as error:  # InputError is one
-        raise InputError(f"{path}: {error}") from None
 
 
 def _named_model(said: dict[str, Any], path: Path) -> Model | None:

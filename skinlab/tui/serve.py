@@ -90,16 +90,13 @@ def serve(
         ) from None
 
 
-def _make_server(command: str, host: str, port: int, token: str) -> Any:
-    import aiohttp_jinja2
-    import textual_serve.server
+def _guard(token: str) -> Any:
+    """Return a middleware that lets in who knows the token, and no page of another site."""
     from aiohttp import web
-
-    statics = Path(textual_serve.server.__file__).parent / "static"
 
     @web.middleware
     async def guarded(request: web.Request, handler: _Handler) -> web.StreamResponse:
-        """Let in who knows the token; the page remembers it as a cookie of this address only."""
+        """Hand on where the token is known; the page has it as a cookie of this address only."""
         given = request.query.get("token", "")
         if request.path == "/" and hmac.compare_digest(given.encode(), token.encode()):
             response = web.HTTPFound("/")
@@ -113,12 +110,22 @@ def _make_server(command: str, host: str, port: int, token: str) -> Any:
             raise web.HTTPForbidden(text="this page is not for other sites\n")
         return await handler(request)
 
+    return guarded
+
+
+def _make_server(command: str, host: str, port: int, token: str) -> Any:
+    import aiohttp_jinja2
+    import textual_serve.server
+    from aiohttp import web
+
+    statics = Path(textual_serve.server.__file__).parent / "static"
+
     class Server(textual_serve.server.Server):
         """Answers only with the token, and one page at a time."""
 
         async def _make_app(self) -> web.Application:
             app = await super()._make_app()
-            app.middlewares.append(guarded)
+            app.middlewares.append(_guard(token))
             self._one_page = asyncio.Lock()
             return app
 

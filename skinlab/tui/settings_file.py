@@ -19,6 +19,7 @@ from textual.widgets import Input
 from drivers.reading import read_whole
 from skinlab.errors import InputError
 from skinlab.io.documents import decode, read_toml
+from skinlab.io.files import named_in_errors
 from skinlab.text import did_you_mean
 from skinlab.tui.themes import WORDS
 
@@ -66,17 +67,13 @@ def read_settings(path: Path, owners: Owners) -> UserSettings:
         InputError: a key or a value is unknown, a key has two meanings, or typing would produce it;
             names the file and the field.
     """
-    try:
-        raw = read_whole(path)
-    except FileNotFoundError:
-        return UserSettings()
-    except OSError as error:
-        raise InputError(f"{path}: {error.strerror or error}") from None
-    try:
+    with named_in_errors(path):
+        try:
+            raw = read_whole(path)
+        except FileNotFoundError:
+            return UserSettings()
         said = decode(read_toml(raw), SettingsFile)
         return UserSettings(_theme(said.theme), _keymap(said.keys, owners))
-    except ValueError as error:  # InputError is one
-        raise InputError(f"{path}: {error}") from None
 
 
 def actions(owners: Owners) -> dict[str, tuple[str, ...]]:

@@ -116,14 +116,17 @@ def last_text(board: Board) -> str:
 TIMELINE = r"[█░]+"  # of a replay, in the line of readings
 
 
-def timeline_text(playing: Playing, columns: int = _BAR) -> str:
+def timeline_text(playing: Playing) -> str:
     """Return where a replay is, and at what speed."""
     share = playing.at_s / playing.length_s if playing.length_s > 0 else 1.0
-    filled = round(columns * share)
     speed = "max" if playing.speed is None else f"{playing.speed:g}"
     sign = "■" if playing.ended else "‖" if playing.paused else "►"
-    bar = "█" * filled + "░" * (columns - filled)
+    bar = _bar(round(_BAR * share))
     return f"{sign} x{speed} {playing.at_s:.1f}/{playing.length_s:.1f} s {bar}"
+
+
+def _bar(filled: int) -> str:
+    return "█" * filled + "░" * (_BAR - filled)
 
 
 def link_text(board: Board) -> str:
@@ -169,8 +172,7 @@ def _progress(live: Live) -> str:
     done = min(max(last.device_time_s, 0.0), whole)
     filled = round(_BAR * done / whole) if whole > 0 else _BAR
     number = min(last.segment + 1, len(program.segments))
-    bar = "█" * filled + "░" * (_BAR - filled)
-    return f"{done:.1f}/{whole:.1f} s {bar} part {number} of {len(program.segments)}"
+    return f"{done:.1f}/{whole:.1f} s {_bar(filled)} part {number} of {len(program.segments)}"
 
 
 def order_lines(

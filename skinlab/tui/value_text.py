@@ -92,7 +92,7 @@ def value_bar(name: str, value: Value, columns: int, usual: Range | None = None)
     """Return the interval as a bar between the labels of its scale; nothing where there is none."""
     if value.low is None or value.high is None:
         return ""
-    behind = None if usual is None else (usual.points[1][0], usual.points[1][-1])
+    behind = None if usual is None else usual.span
     ends = (value.low, value.high, *(behind or ()))
     low, high, logarithmic = value_scale(name, ends)
     left, right = f"{low:g} ", f" {high:g}"

@@ -40,7 +40,7 @@ from preloaded import measure, preload
 from drivers.dialects.reference import DIALECT
 from drivers.events import InstrumentState, Sample, State, TimedEvent
 from skinlab.errors import InputError
-from skinlab.recording.recorded import recorded_items
+from skinlab.recording.recorded_items import recorded_items
 from skinlab.recording.recorder import recover
 from skinlab.recording.records import Kind, Record
 from skinlab.recording.session_check import check

@@ -18,7 +18,7 @@ import pytest
 from patience import patient_command, probe_command
 
 from drivers.events import Sample, State, TimedEvent
-from skinlab.recording.recorded import dialect_of, recorded_items
+from skinlab.recording.recorded_items import dialect_of, recorded_items
 from skinlab.recording.session import read_session
 
 SKIN = ["--aperture-mm", "6", "--thickness-mm", "1.0"]

@@ -17,7 +17,7 @@ from skinlab.curves.curve import Setup
 from skinlab.inference.identify import Identifier
 from skinlab.recording.audit import entries
 from skinlab.recording.dose import dose_before, dose_of
-from skinlab.recording.recorded import dialect_facts, recorded_items
+from skinlab.recording.recorded_items import dialect_facts, recorded_items
 from skinlab.recording.recorder import Recording
 from skinlab.recording.records import Kind, Record
 from skinlab.recording.session import read_session, session_from_records

@@ -11,7 +11,7 @@ import os
 from dataclasses import dataclass
 from pathlib import Path
 
-from skinlab.errors import InputError
+from skinlab.io.files import named_in_errors
 
 SUFFIXES = frozenset({".csv", ".txt", ".tsv", ".dat", ".asc", ".crd", ".xlsx"})
 
@@ -78,14 +78,11 @@ class Folder:
 
     def _look(self) -> dict[str, _Signature]:
         found: dict[str, _Signature] = {}
-        try:
-            with os.scandir(self.path) as entries:
-                for entry in entries:
-                    signature = _signature(Path(entry.path))
-                    if signature is not None and signature[1] > 0 and _wanted(entry.name):
-                        found[entry.name] = signature
-        except OSError as error:
-            raise InputError(f"{self.path}: {error.strerror or error}") from None
+        with named_in_errors(self.path), os.scandir(self.path) as entries:
+            for entry in entries:
+                signature = _signature(Path(entry.path))
+                if signature is not None and signature[1] > 0 and _wanted(entry.name):
+                    found[entry.name] = signature
         return found
 
     def _take(self, name: str, signature: _Signature) -> Arrival | None:

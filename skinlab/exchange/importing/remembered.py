@@ -15,7 +15,7 @@ from platformdirs import user_config_path
 from drivers.reading import read_whole
 from skinlab.errors import InputError
 from skinlab.io.documents import decode, read_toml, toml_text
-from skinlab.io.files import write_file
+from skinlab.io.files import named_in_errors, write_file
 
 # What holds for a file of this layout; the start of a program is each file's own
 _KEPT = ("-column", "-unit", "-sign")
@@ -46,14 +46,11 @@ class Remembered:
         """With `ask_again` nothing is answered from the file; new answers replace the old ones."""
         self.path = path
         self._ask_again = ask_again
-        try:
-            self._file = decode(read_toml(read_whole(path)), _File)
-        except FileNotFoundError:
-            self._file = _File()
-        except OSError as error:
-            raise InputError(f"{path}: {error.strerror or error}") from None
-        except ValueError as error:
-            raise InputError(f"{path}: {error}") from None
+        with named_in_errors(path):
+            try:
+                self._file = decode(read_toml(read_whole(path)), _File)
+            except FileNotFoundError:
+                self._file = _File()
 
     def answer(self, headings: Sequence[str], option: str) -> str | None:
         """Return what was answered for files of these headings; None: nothing yet."""

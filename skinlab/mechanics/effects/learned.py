@@ -89,6 +89,14 @@ def line_and_sines(even: Array, at: Array, values: Values, names: tuple[str, ...
     return np.asarray(values[first] * np.clip(even, -1.0, 1.0) + sines(at, values, tuple(others)))
 
 
+def harmonics(angle: Array, values: Values, count: int) -> Array:
+    """Return the sum (n,) of `count` sines and cosines of multiples of angles (n,), µm."""
+    found = np.zeros_like(angle)
+    for k in range(1, count + 1):
+        found += values[f"s{k}_um"] * np.sin(k * angle) + values[f"c{k}_um"] * np.cos(k * angle)
+    return found
+
+
 def suction_share(pressure_mbar: Array, span_mbar: float) -> Array:
     """Return shares (n,) of a range of suctions, of which openings differ in theirs.
 

@@ -7,7 +7,7 @@ from typing import ClassVar
 import numpy as np
 
 from skinlab.mechanics.effects.base import Array, Parameter, Values
-from skinlab.mechanics.effects.learned import LearnedEffect, Seen
+from skinlab.mechanics.effects.learned import LearnedEffect, Seen, harmonics
 
 _SOURCE = "found in what repeats do not have in common"
 
@@ -49,11 +49,7 @@ class LearnedMotion(LearnedEffect):
 
     def function(self, at: Array, values: Values) -> Array:
         """Return the motion (m,), µm, at these times."""
-        angle = 2.0 * np.pi * values["frequency_hz"] * at
-        found = np.zeros_like(angle)
-        for k in range(1, self.harmonics + 1):
-            found += values[f"s{k}_um"] * np.sin(k * angle) + values[f"c{k}_um"] * np.cos(k * angle)
-        return found
+        return harmonics(2.0 * np.pi * values["frequency_hz"] * at, values, self.harmonics)
 
     def shown(self, x: Array, y: Array) -> Array:
         """Return by how far it has moved since the first of the times."""

@@ -7,7 +7,7 @@ from functools import lru_cache
 import numpy as np
 
 from skinlab.mechanics.effects.base import Array, Parameter, Values
-from skinlab.mechanics.effects.learned import LearnedEffect, Seen, roughness
+from skinlab.mechanics.effects.learned import LearnedEffect, Seen, harmonics, roughness
 
 _HARMONICS = 4
 _LOW_HZ, _HIGH_HZ = 0.05, 20.0
@@ -63,11 +63,7 @@ class LearnedPeriodic(LearnedEffect):
 
     def function(self, at: Array, values: Values) -> Array:
         """Return the motion (m,), µm, at these times."""
-        angle = 2.0 * np.pi * values["frequency_hz"] * at
-        found = np.zeros_like(angle)
-        for k in range(1, _HARMONICS + 1):
-            found += values[f"s{k}_um"] * np.sin(k * angle) + values[f"c{k}_um"] * np.cos(k * angle)
-        return found
+        return harmonics(2.0 * np.pi * values["frequency_hz"] * at, values, _HARMONICS)
 
     def sentence(self, x: Array, y: Array) -> str:
         """Say how often, and how far."""

@@ -38,6 +38,12 @@ class Mesh:
     loaded_to_mm: float
 
     @cached_property
+    def held(self) -> Index:
+        """Displacements that are zero: r at axis and wall, both under the tape; 2 i is r of i."""
+        parts = [2 * self.axis, 2 * self.tape, 2 * self.tape + 1, 2 * self.outer]
+        return np.asarray(np.unique(np.concatenate(parts)), dtype=np.intp)
+
+    @cached_property
     def free_surface(self) -> Index:
         """Nodes of the top surface from the apex to where the tape holds, in order."""
         on_top = np.flatnonzero(self.nodes[:, 1] == self.nodes[self.apex, 1])

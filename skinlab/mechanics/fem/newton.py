@@ -77,6 +77,10 @@ class Point:
         return self.state.energy + self.last_work
 
 
+Look = Callable[[float, Point], None]
+"""Is shown a point of the path and its pressure, MPa, while the point's factor is there."""
+
+
 def solve_point(
     assembly: Assembly,
     guess: Array,
@@ -159,15 +163,14 @@ def follow(
     scale_mm: float,
     settings: StepSettings | None = None,
     watch: int | None = None,
-    look: Callable[[float, Point], None] | None = None,
+    look: Look | None = None,
     after: EquilibriumPath | None = None,
 ) -> EquilibriumPath:
     """Return the path from zero to `goal_mpa` (either sign), or as far as it goes.
 
     `watch` is the unknown whose extrapolation error steers the steps (the apex deflection);
-    `scale_mm` is what that error is measured against. `look` is shown the pressure (MPa) and each
-    point of the path, while its factor is there. `after` is a path that reached a smaller goal:
-    this one goes on from its end.
+    `scale_mm` is what that error is measured against. `look` is shown each point of the path.
+    `after` is a path that reached a smaller goal: this one goes on from its end.
     """
     settings = settings or StepSettings()
     sign = 1.0 if goal_mpa >= 0 else -1.0
@@ -181,10 +184,8 @@ def follow(
         if start is None:
             path.stopped = "the tangent of the unloaded skin is not positive definite"
             return path
-        _append(path, 0.0, start)
-        if look is not None:
-            look(0.0, start)
-        compliance = float(abs(start.slope[watch]) if watch is not None else abs(start.slope).max())
+        _append(path, 0.0, start, look)
+        compliance = _size(start.slope, watch)
         step = min(settings.first_step * scale_mm / max(compliance, 1e-300), abs(goal_mpa))
     smallest = settings.smallest_step_mbar * 1e-4
     ceiling, reason_above = np.inf, ""  # a pressure known to be inadmissible, and why
@@ -210,9 +211,7 @@ def follow(
                 break
             target, point = leap
             step, tries = abs(target - path.pressure_mpa[-1]), 0
-            _append(path, target, point)
-            if look is not None:
-                look(target, point)
+            _append(path, target, point, look)
             continue
         reason = fault(assembly, point.unknowns, point.state, settings.limits)
         if reason:  # close in on it by halves
@@ -221,22 +220,17 @@ def follow(
                 path.stopped = _stopped(reason, path)
                 break
             continue
-        miss = guess - point.unknowns
-        error = float(abs(miss[watch])) if watch is not None else float(np.abs(miss).max())
-        wanted = settings.extrapolation_error * scale_mm
-        # The first extrapolation is a straight line: its error is of second order and larger.
+        error = _size(guess - point.unknowns, watch)
+        wanted, order = settings.extrapolation_error * scale_mm, 4.0
         first = len(path.pressure_mpa) == 1
-        if first:
-            wanted *= _FIRST_STEP_ALLOWANCE
-        order = 2.0 if first else 4.0
+        if first:  # a straight line's error is of second order and larger
+            wanted, order = wanted * _FIRST_STEP_ALLOWANCE, 2.0
         factor = 0.9 * (wanted / max(error, 1e-3 * wanted)) ** (1.0 / order)
         step = step_now * min(1.6, max(0.25, factor))
         if first and error > 2.0 * wanted and step >= smallest:
             continue  # a first step this curved would spoil the interpolation across it
         tries = 0
-        _append(path, target, point)
-        if look is not None:
-            look(target, point)
+        _append(path, target, point, look)
         if ceiling - abs(target) <= settings.limit_mbar * 1e-4:
             path.stopped = _stopped(reason_above, path)
             break
@@ -285,7 +279,12 @@ def extrapolate(path: EquilibriumPath, target: float) -> Array:
     )
 
 
-def _append(path: EquilibriumPath, pressure: float, point: Point) -> None:
+def _size(unknowns: Array, watch: int | None) -> float:
+    """Return how large unknowns (n,) are: the one that is watched, or the largest."""
+    return float(abs(unknowns[watch]) if watch is not None else abs(unknowns).max())
+
+
+def _append(path: EquilibriumPath, pressure: float, point: Point, look: Look | None) -> None:
     path.pressure_mpa.append(pressure)
     path.displacements.append(point.unknowns)
     path.slopes.append(point.slope)
@@ -293,6 +292,8 @@ def _append(path: EquilibriumPath, pressure: float, point: Point) -> None:
     path.j_max.append(point.state.j_max)
     path.energy.append(point.energy)
     path.volume.append(point.volume)
+    if look is not None:
+        look(pressure, point)
 
 
 def _stopped(reason: str, path: EquilibriumPath) -> str:

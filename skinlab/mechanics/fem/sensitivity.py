@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from skinlab.errors import InputError
 from skinlab.mechanics.fem.newton import Point, StepSettings, solve_linear
-from skinlab.mechanics.fem.skin import SkinProblem, edge_of, prepare
+from skinlab.mechanics.fem.skin import Prepared, SkinProblem, edge_of, prepare
 from skinlab.mechanics.fem.suction import (
     EXTENSION_ABOVE,
     MBAR,
@@ -93,14 +93,7 @@ def solve_with_slopes(
     for up, down in moved:
         if (up.assembly.n, down.assembly.n) != (assembly.n, assembly.n):
             raise InputError("a change of the mesh's topology has no derivative")
-    in_law = [i for i, pair in enumerate(moved) if all(each.assembly is assembly for each in pair)]
-    pairs = [(moved[i][0].parameters(), moved[i][1].parameters()) for i in in_law]
-    rises = prepared.body.rises(pairs, at_once=assembly.compiled)
-    in_mesh = {
-        i: [(each.assembly, [[(1.0, each.parameters())]]) for each in pair]
-        for i, pair in enumerate(moved)
-        if i not in in_law
-    }
+    residuals = _Residuals(prepared, moved)
     by_apex = np.zeros(assembly.n)
     by_apex[apex] = 1.0
     columns: list[Array] = []
@@ -109,18 +102,7 @@ def solve_with_slopes(
     def look(pressure_mpa: float, point: Point) -> None:
         # The tangent's skew part is proportional to the pressure: with −p it is transposed.
         adjoint = solve_linear(point.factor, point.state, -pressure_mpa, by_apex)
-        rise = np.full(len(moved), np.nan)
-        if in_law:
-            of_law = assembly.virtual_work(point.unknowns, adjoint, 0.0, rises)
-            if of_law is not None:
-                rise[in_law] = of_law
-        for i, pair in in_mesh.items():
-            up, down = (
-                other.virtual_work(point.unknowns, adjoint, pressure_mpa, energy)
-                for other, energy in pair
-            )
-            if up is not None and down is not None:
-                rise[i] = (up - down)[0]
+        rise = residuals.rises(point.unknowns, adjoint, pressure_mpa)
         if len(moved) > len(changes):
             rise = rise[:-1] + np.where(shifts, shifts * rise[-1], 0.0)
         columns.append(-rise / steps)
@@ -131,3 +113,39 @@ def solve_with_slopes(
         look=look if changes else None,
     )  # fmt: skip
     return curve, Slopes(np.array(at), np.array(columns).T.reshape(len(changes), len(columns)))
+
+
+class _Residuals:
+    """By how much residuals differ between the two problems of each pair, at the same unknowns."""
+
+    def __init__(self, prepared: Prepared, pairs: Sequence[tuple[Prepared, Prepared]]) -> None:
+        self._assembly = assembly = prepared.assembly
+        self._count = len(pairs)
+        # Where the law alone changes, one pass through the mesh serves all.
+        self._in_law = [
+            i for i, pair in enumerate(pairs) if all(each.assembly is assembly for each in pair)
+        ]
+        self._by_law = prepared.body.rises(
+            [(pairs[i][0].parameters(), pairs[i][1].parameters()) for i in self._in_law],
+            at_once=assembly.compiled,
+        )
+        self._in_mesh = {
+            i: [(each.assembly, [[(1.0, each.parameters())]]) for each in pair]
+            for i, pair in enumerate(pairs)
+            if i not in self._in_law
+        }
+
+    def rises(self, unknowns: Array, along: Array, pressure_mpa: float) -> Array:
+        """Return the differences (pairs,) times a vector (n,); NaN where there is no state."""
+        rise = np.full(self._count, np.nan)
+        if self._in_law:
+            of_law = self._assembly.virtual_work(unknowns, along, 0.0, self._by_law)
+            if of_law is not None:
+                rise[self._in_law] = of_law
+        for i, pair in self._in_mesh.items():
+            up, down = (
+                other.virtual_work(unknowns, along, pressure_mpa, energy) for other, energy in pair
+            )
+            if up is not None and down is not None:
+                rise[i] = (up - down)[0]
+        return rise

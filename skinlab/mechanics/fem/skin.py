@@ -401,10 +401,10 @@ def _assembly(
     edge_mm: float,
 ) -> tuple[Assembly, int, Body]:
     mesh = discretisation.mesh(geometry, slip_mm, above_mm, below_mm, edge_mm)
-    fixed = [2 * mesh.axis, 2 * mesh.tape, 2 * mesh.tape + 1, 2 * mesh.outer]
+    fixed = mesh.held
     if below_mm:
-        fixed += [2 * mesh.bottom, 2 * mesh.bottom + 1]
+        fixed = np.union1d(fixed, [2 * mesh.bottom, 2 * mesh.bottom + 1])
     own = mesh.layer == len(above_mm) if above_mm or below_mm else None
     body = Body(get_law(law_name), terms, own)
-    assembly = Assembly(mesh, discretisation.element, body, np.unique(np.concatenate(fixed)))
+    assembly = Assembly(mesh, discretisation.element, body, fixed)
     return assembly, int(assembly.equation[2 * mesh.apex + 1]), body

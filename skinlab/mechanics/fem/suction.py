@@ -8,7 +8,7 @@ follower pressure on the deformed top surface r < R.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any
@@ -29,7 +29,7 @@ from skinlab.mechanics.materials import DEFAULT_LAW, get_law
 
 if TYPE_CHECKING:
     from skinlab.mechanics.fem.assembly import Assembly
-    from skinlab.mechanics.fem.newton import EquilibriumPath, Point, StepSettings
+    from skinlab.mechanics.fem.newton import EquilibriumPath, Look, StepSettings
 
 Array = NDArray[np.float64]
 
@@ -210,10 +210,7 @@ def assembly_for(
     from skinlab.mechanics.fem.assembly import Assembly  # tables are asked without
 
     mesh = discretisation.mesh(geometry)
-    fixed = np.unique(
-        np.concatenate([2 * mesh.axis, 2 * mesh.tape, 2 * mesh.tape + 1, 2 * mesh.outer])
-    )
-    assembly = Assembly(mesh, discretisation.element, get_law(law_name), fixed)
+    assembly = Assembly(mesh, discretisation.element, get_law(law_name), mesh.held)
     return assembly, int(assembly.equation[2 * mesh.apex + 1])
 
 
@@ -261,7 +258,7 @@ def trace(
     settings: StepSettings | None = None,
     *,
     below_mbar: float = 0.0,
-    look: Callable[[float, Point], None] | None = None,
+    look: Look | None = None,
     after: SuctionCurve | None = None,
 ) -> SuctionCurve:
     """Return the curve of this unknown, the apex, from `-below_mbar` to `goal_mbar`.

@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-import numpy as np
-
 from skinlab.quality.gates.base import CurveSoFar, Finding, Gate
 from skinlab.quality.gates.expected import tolerance_mbar
-from skinlab.quality.gates.standstill import deflection_standstills
-from skinlab.quality.settings import STILL
+from skinlab.quality.gates.standstill import deflection_standstills, long_runs
 
 _ADVICE = "switch the probe off and on; if it stays so, have the sensor looked at"
 
@@ -31,9 +28,7 @@ def _pressure(view: CurveSoFar) -> Finding | None:
     if band is None or len(view.time_s) < 2:
         return None
     p, t = view.pressure_mbar, view.time_s
-    edges = np.concatenate([[0], np.flatnonzero(np.diff(p) != 0) + 1, [len(p)]])
-    for k in np.flatnonzero(t[edges[1:] - 1] - t[edges[:-1]] >= STILL.slack * STILL.longest_s):
-        i, j = int(edges[k]), int(edges[k + 1])
+    for i, j in long_runs(p, t):
         low, high = band[0][i:j], band[1][i:j]
         # Asked for: first clearly less than later, or the other way round.
         slack = float(tolerance_mbar(high).max())

@@ -27,16 +27,22 @@ class Standstill:
     clipped: bool | None  # whether it ended as a range does; None: it lasts to the end
 
 
+def long_runs(readings: Array, time_s: Array) -> list[tuple[int, int]]:
+    """Return begin and end of the runs of one and the same reading (n,) that last too long."""
+    edges = np.concatenate([[0], np.flatnonzero(np.diff(readings)) + 1, [len(readings)]])
+    lasts_s = time_s[edges[1:] - 1] - time_s[edges[:-1]]
+    long = np.flatnonzero(lasts_s >= STILL.slack * STILL.longest_s)
+    return list(zip(edges[long].tolist(), edges[long + 1].tolist(), strict=True))
+
+
 def deflection_standstills(view: CurveSoFar) -> Iterator[Standstill]:
     """Yield the runs in which even a very stiff skin would have moved visibly."""
     w, p, t = view.deflection_mm, view.pressure_mbar, view.time_s
     if len(w) < STILL.fewest:
         return
-    edges = np.concatenate([[0], np.flatnonzero(np.diff(w)) + 1, [len(w)]])
-    long = np.flatnonzero(t[edges[1:] - 1] - t[edges[:-1]] >= STILL.slack * STILL.longest_s)
-    resolution = _resolution_mm(w) if len(long) else 0.0
-    for k in long:
-        i, j = int(edges[k]), int(edges[k + 1])
+    runs = long_runs(w, t)
+    resolution = _resolution_mm(w) if runs else 0.0
+    for i, j in runs:
         if j - i < STILL.fewest:
             continue
         levels = [float(np.median(part)) for part in np.array_split(p[i:j], STILL.fewest)]

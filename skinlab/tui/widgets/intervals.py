@@ -66,7 +66,7 @@ def interval_lines(
         if not values:
             continue
         usual = ranges.get(name)
-        behind = None if usual is None else (usual.points[1][0], usual.points[1][-1])
+        behind = None if usual is None else usual.span
         numbers = [x for v in values.values() for x in (v.low, v.high) if x is not None]
         low, high, logarithmic = value_scale(name, [*numbers, *(behind or ())])
         width = columns - _INDEX

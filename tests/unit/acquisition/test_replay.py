@@ -24,7 +24,7 @@ from skinlab.curves.program import parse_program
 from skinlab.errors import InputError
 from skinlab.inference.identify import Identifier
 from skinlab.inference.problem import Options
-from skinlab.recording.recorded import dialect_of, recorded_items
+from skinlab.recording.recorded_items import dialect_of, recorded_items
 from skinlab.recording.recorder import Recording
 from skinlab.recording.session import Session, example_session, read_session, write_session
 from skinlab.recording.stream import CurveCompleted, Identified, Sampled

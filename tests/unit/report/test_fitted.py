@@ -14,7 +14,7 @@ from skinlab.curves.program import parse_program
 from skinlab.discrepancy.model_identifier import with_model
 from skinlab.errors import InputError
 from skinlab.inference.identify import Identifier
-from skinlab.inference.stored import StoredResult, StoredValue
+from skinlab.inference.stored_results import StoredResult, StoredValue
 from skinlab.inference.uncertainty import Sensor
 from skinlab.mechanics.effects.model import Skin, response
 from skinlab.mechanics.fem.suction import Geometry

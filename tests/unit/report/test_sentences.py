@@ -8,7 +8,7 @@ import pytest
 from skinlab.curves.curve import Curve, Setup
 from skinlab.inference.error_judgement import ErrorModelSummary
 from skinlab.inference.result import Identification, Value
-from skinlab.inference.stored import StoredErrors, StoredResult
+from skinlab.inference.stored_results import StoredErrors, StoredResult
 from skinlab.report.fitted import Fit
 from skinlab.report.flags import explanations
 from skinlab.report.measured import Judged, Measured

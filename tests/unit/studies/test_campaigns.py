@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from skinlab.studies.campaigns import evidence, pool, section
-from skinlab.studies.whole import COLUMNS
+from skinlab.studies.make_study import COLUMNS
 
 NAMES = ["baseline_drift", "deflection_offset", "tape_slip"]
 # Drift and offset look alike; slip is another thing.

@@ -14,10 +14,10 @@ from skinlab.studies.agreement import bland_altman, shrout_fleiss
 from skinlab.studies.analysis import FACETS
 from skinlab.studies.components import components
 from skinlab.studies.design import WITHIN, effect
+from skinlab.studies.make_study import COLUMNS
 from skinlab.studies.reliability import reliability, repeats_for
 from skinlab.studies.report import flags_of, people_of
 from skinlab.studies.table import Columns
-from skinlab.studies.whole import COLUMNS
 
 # Shrout and Fleiss 1979, table 2: six targets, four judges.
 JUDGES = np.array(

@@ -30,10 +30,10 @@ from skinlab.recording.audit import Chain, note
 from skinlab.recording.session import example_session, read_session, write_session
 from skinlab.studies.compute import Task, compute, curves_and_noise, draws_of
 from skinlab.studies.facts import pseudonym
+from skinlab.studies.make_study import COLUMNS
 from skinlab.studies.path_layout import PathLayout
 from skinlab.studies.state import State
 from skinlab.studies.table import Placements
-from skinlab.studies.whole import COLUMNS
 from skinlab.versions import versions
 
 
@@ -429,7 +429,7 @@ def test_without_dask_a_sentence_says_what_to_install(cohort, tmp_path, monkeypa
 def test_without_pictures_all_else_is_written(cohort, made, tmp_path, monkeypatch):
     out = tmp_path / "study"
     shutil.copytree(made[0], out)
-    monkeypatch.setattr("skinlab.studies.whole.have_pictures", lambda: False)
+    monkeypatch.setattr("skinlab.studies.make_study.have_pictures", lambda: False)
     done = study(cohort, "--out", out, "--workers", 1)
     assert "pip install 'skinlab[pictures]'" in done.stderr
     assert not (out / "report.html").exists()

@@ -11,7 +11,7 @@ import skinlab
 from skinlab.cli.main import run
 from skinlab.errors import InputError
 from skinlab.exchange.fhir import to_fhir
-from skinlab.exchange.importing.measured import stated_time
+from skinlab.exchange.importing.stated_time import stated_time
 from skinlab.recording.session import Session, example_session, measured_utc, read_session
 from skinlab.report.session_report import SessionReport
 

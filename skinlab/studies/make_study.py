@@ -199,6 +199,11 @@ def _broken(failures: Sequence[Mapping[str, str]]) -> int:
     return len({f["file"] for f in failures if not f["reason"].startswith(LEFT_ALONE)})
 
 
+def _left_alone(failures: Sequence[Mapping[str, str]]) -> int:
+    """Return how many files nobody would take for curves."""
+    return len({f["file"] for f in failures if f["reason"].startswith(LEFT_ALONE)})
+
+
 def _write(
     out: Path,
     identifier: Identifier,
@@ -231,18 +236,14 @@ def _write(
         else:
             write_file(out / name, text, replace=True)
             files.append(name)
-    count, identified = len(table), _identified(table)
-    copies = int((table.text["same_as"] != "").sum())
-    broken = _broken(failures)
-    left_alone = len({f["file"] for f in failures if f["reason"].startswith(LEFT_ALONE)})
     document: dict[str, Any] = {
         "schema": SCHEMA,
         "folder": str(out),
-        "curves": count,
-        "curves_identified": identified,
-        "curves_copied": copies,
-        "files_not_used": broken,
-        "files_left_alone": left_alone,
+        "curves": len(table),
+        "curves_identified": _identified(table),
+        "curves_copied": int((table.text["same_as"] != "").sum()),
+        "files_not_used": _broken(failures),
+        "files_left_alone": _left_alone(failures),
         "failures": failures,
         "settings": json.loads(settings_of(identifier)),
         "versions": versions(),
@@ -252,31 +253,28 @@ def _write(
         if effects is None
         else {"campaigns": list(effects.campaigns), "pooled": list(effects.pooled)},
         "notes": [*found.notes, *missing, *doubts],
-        "files": [name for name in files if (out / name).exists()],
+        "files": [*(name for name in files if (out / name).exists()), "study.json", CRATE],
     }
-    document["files"] += ["study.json", CRATE]
     write_file(out / "study.json", json_text(document) + "\n", replace=True)
     crate = ro_crate(
         out,
         {name: MEANING[name] for name in document["files"] if name != CRATE},
         name=f"skinlab study {out.resolve().name}",
-        description=f"{count} suction curves of skin, identified and judged",
+        description=f"{document['curves']} suction curves of skin, identified and judged",
         date=now.isoformat(timespec="seconds"),
         versions=document["versions"],
         licence="Not stated. Data about people: not to be passed on without the owner's consent.",
     )
     write_file(out / CRATE, crate, replace=True)
-    lines = [f"{identified} of {counted(count, 'curve')} identified: {out / 'curves.csv'}"]
-    if copies:
-        lines.append(f"{counted(copies, 'curve')} a second time (same_as), not counted again")
-    lines += doubts
-    lines += _lines(found)
-    lines += _repeat_lines(document["repeats"] or ())
-    lines += _effect_lines(effects)
-    for number, words in ((broken, "could not be used"), (left_alone, "left alone")):
-        if number:
-            lines.append(f"{counted(number, 'file')} {words}, see {out / 'failures.csv'}")
-    return Made(document, tuple(lines), tuple(notices), broken)
+    lines = [
+        *_count_lines(document, out / "curves.csv"),
+        *doubts,
+        *_lines(found),
+        *_repeat_lines(document["repeats"] or ()),
+        *_effect_lines(effects),
+        *_file_lines(document, out / "failures.csv"),
+    ]
+    return Made(document, tuple(lines), tuple(notices), document["files_not_used"])
 
 
 def _posteriors(state: State, layout: Layout, identifier: Identifier) -> Iterator[Posterior]:
@@ -340,7 +338,7 @@ def _summary(found: Reliability) -> list[dict[str, Any]]:
         agreement = [
             {k: v for k, v in row.items() if k not in one.key}
             for row in found.agreement
-            if all(row[k] == v for k, v in one.key.items()) and row["k"] == 1
+            if one.owns(row) and row["k"] == 1
         ]
         summary.append(
             {
@@ -355,6 +353,23 @@ def _summary(found: Reliability) -> list[dict[str, Any]]:
     return summary
 
 
+def _count_lines(document: Mapping[str, Any], table: Path) -> list[str]:
+    count, copies = document["curves"], document["curves_copied"]
+    lines = [f"{document['curves_identified']} of {counted(count, 'curve')} identified: {table}"]
+    if copies:
+        lines.append(f"{counted(copies, 'curve')} a second time (same_as), not counted again")
+    return lines
+
+
+def _file_lines(document: Mapping[str, Any], failures: Path) -> list[str]:
+    kinds = (("files_not_used", "could not be used"), ("files_left_alone", "left alone"))
+    return [
+        f"{counted(document[name], 'file')} {words}, see {failures}"
+        for name, words in kinds
+        if document[name]
+    ]
+
+
 def _lines(found: Reliability) -> list[str]:
     """Return what is said on a terminal."""
     lines = []
@@ -363,10 +378,8 @@ def _lines(found: Reliability) -> list[str]:
         assert one.found is not None
         shares = ", ".join(f"{p.name} {100 * p.share:.0f} %" for p in one.found.parts)
         lines.append(f"{one.quantity} ({one.condition}; {one.people} people): {shares}")
-        for row in found.agreement:
-            if all(row[k] == v for k, v in one.key.items()) and (
-                row["by"] == "components" and row["measure"] == "MDC95 %" and row["k"] == 1
-            ):
+        for row in filter(one.owns, found.agreement):
+            if row["by"] == "components" and row["measure"] == "MDC95 %" and row["k"] == 1:
                 lines.append(
                     f"  smallest change that can be shown, {words[str(row['facet'])]}: "
                     f"{row['value']:.0f} %"
