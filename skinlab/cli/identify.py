@@ -31,6 +31,7 @@ from skinlab.cli.start import INTERRUPTED
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
+    from skinlab.curves.campaign import Unusable
     from skinlab.curves.curve import Curve, Setup
     from skinlab.inference.identify import Identifier
     from skinlab.inference.result import Advice, Identification
@@ -117,7 +118,9 @@ def command(
 
         reference = read_reference(reference_path)  # before anything is computed
     geometry = _geometry(inputs, aperture_mm, thickness_mm, thickness_sd_mm)
-    taken = list(_taken(inputs, geometry, probe_path, identifier, options["database_path"]))
+    taken = list(
+        _taken(inputs, geometry, probe_path, identifier, options["database_path"], whole=joint)
+    )
     read = [one for one in taken if isinstance(one, Input)]
     if joint:
         _check_together(read)
@@ -235,8 +238,13 @@ def _taken(
     probe_path: Path | None,
     identifier: Identifier,
     database_path: Path | None,
+    *,
+    whole: bool,
 ) -> Iterator[Input | Identification]:
-    """Yield what is in each file; of one that cannot be used an answer that says why."""
+    """Yield what is in each file; of one that cannot be used an answer that says why.
+
+    So it is of each curve of a campaign, unless `whole` ones are asked for.
+    """
     from dataclasses import replace
 
     from skinlab.errors import InputError
@@ -244,8 +252,9 @@ def _taken(
     from skinlab.recording.load_inputs import read_input
 
     for path in inputs:
+        unusable: list[Unusable] = []
         try:
-            given = read_input(path, geometry)
+            given = read_input(path, geometry, None if whole else unusable)
             tell_left_behind(path)
             read = replace(given, curves=read_by(given.curves, probe_path))
         except InputError as error:
@@ -253,7 +262,10 @@ def _taken(
             continue
         if given.model is not None and identifier.model_name is None:
             _tell_model(path, given.model, database_given=database_path is not None)
-        yield read
+        if read.curves:
+            yield read
+        for one in unusable:
+            yield Identification(one.file, None, one.error)
 
 
 def _print(found: _Found, placed: Mapping[int, list[str]]) -> None:

@@ -69,8 +69,18 @@ class Campaign:
     placement_scatter: float | None = None  # None: to be learned
 
 
-def read_campaign(path: Path) -> Campaign:
+@dataclass(frozen=True)
+class Unusable:
+    """A curve of a campaign that cannot be read; the sentence names it."""
+
+    file: str
+    error: str
+
+
+def read_campaign(path: Path, unusable: list[Unusable] | None = None) -> Campaign:
     """Return the campaign of this TOML file, its curves read.
+
+    A list of the `unusable` takes the curves that are wrong; without one the first ends it.
 
     Raises:
         InputError: the file or one of its curves is wrong; names file and field or line. A curve
@@ -94,12 +104,17 @@ def read_campaign(path: Path) -> Campaign:
     folder = real_path(path.parent)
     curves = []
     for number, entry in enumerate(data.curve, start=1):
-        setup = _setup(folder, entry, f"{path}: curve {number}")
-        curve = read_curve(path.parent / entry.file, setup)
-        known = replace(
-            curve, campaign=str(folder), noise_um=noise, pressure_noise_mbar=pressure_noise
-        )
-        curves.append(check_program(known))
+        file = path.parent / entry.file
+        try:
+            curve = read_curve(file, _setup(folder, entry, f"{path}: curve {number}"))
+            known = replace(
+                curve, campaign=str(folder), noise_um=noise, pressure_noise_mbar=pressure_noise
+            )
+            curves.append(check_program(known))
+        except InputError as error:
+            if unusable is None:
+                raise
+            unusable.append(Unusable(str(file), str(error)))
     _ask_about_labels(path, [one for one in data.curve if one.placement is not None])
     return Campaign(stated.title, noise, pressure_noise, tuple(curves), scatter)
 

@@ -8,7 +8,7 @@ from os.path import exists, isdir, isfile  # Path's own raise where one may not 
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from skinlab.curves.campaign import Campaign, read_campaign
+from skinlab.curves.campaign import Campaign, Unusable, read_campaign
 from skinlab.curves.csv import IMPORT, read_curve
 from skinlab.curves.curve import Curve, Setup
 from skinlab.curves.distinct import check_distinct
@@ -45,8 +45,10 @@ class Input:
         return [f"{name} is left out: {why}" for name, why in self.left_out.items()]
 
 
-def read_input(path: Path, setup: Setup | None) -> Input:
+def read_input(path: Path, setup: Setup | None, unusable: list[Unusable] | None = None) -> Input:
     """Return one input; `setup` is what a CSV was measured with.
+
+    A list of the `unusable` takes a campaign's curves that are wrong: as `read_campaign` says.
 
     Raises:
         InputError: the file cannot be read, or is none of these.
@@ -58,7 +60,7 @@ def read_input(path: Path, setup: Setup | None) -> Input:
             raise InputError(f"{path}: a curve CSV needs its aperture and thickness")
         return Input((read_curve(path, setup),))
     if suffix == ".toml":
-        campaign = read_campaign(path)
+        campaign = read_campaign(path, unusable)
         noise = campaign.noise_um, campaign.pressure_noise_mbar
         return Input(campaign.curves, *noise, campaign.placement_scatter)
     if suffix in SESSIONS:

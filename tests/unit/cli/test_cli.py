@@ -266,6 +266,32 @@ def test_a_campaign_can_be_given(capsys, tmp_path, curve_csv):
         assert "X1" in out
 
 
+def test_the_good_curves_of_a_campaign_are_done(capsys, tmp_path, curve_csv):
+    """One wrong line cost the answers of all its other curves."""
+    bad = tmp_path / "bad.csv"
+    bad.write_text(curve_csv.read_text().replace("\n", "\nx,", 1))
+    files = [curve_csv.name, bad.name, "absent.csv"]
+    (tmp_path / "campaign.toml").write_text(
+        '[campaign]\ntitle = "t"\n'
+        + "".join(
+            f'[[curve]]\nfile = "{file}"\naperture_mm = 6.0\nthickness_mm = 1.0\n' for file in files
+        )
+    )
+    status, out, err = call(capsys, "identify", tmp_path, "--json")
+    assert status == 3
+    good, *others = json.loads(out)["curves"]
+    assert good["parameters"] is not None
+    assert [one["file"] for one in others] == [str(bad), str(tmp_path / "absent.csv")]
+    assert others[0]["error"].startswith(f"{bad}: line 2: ")
+    assert f"{bad}: line 2: " in err
+    # Together there is no answer without them.
+    status, out, _ = call(capsys, "identify", tmp_path, "--joint", "--json")
+    assert status == 3
+    document = json.loads(out)
+    assert document["joint"] is None
+    assert [one["parameters"] for one in document["curves"]] == [None]
+
+
 def test_database_commands(capsys):
     status, out, _ = call(capsys, "database", "info")
     assert status == 0
