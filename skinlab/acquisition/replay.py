@@ -233,8 +233,16 @@ def is_imported(session: Session) -> bool:
     return "imported" in session.meta
 
 
-def differences(session: Session, curves: list[Curve], results: list[Identification]) -> list[str]:
-    """Return a sentence for each way in which the replay differs from what the session stores."""
+def differences(
+    session: Session,
+    curves: list[Curve],
+    results: list[Identification],
+    rounding: float = 0.0,
+) -> list[str]:
+    """Return a sentence for each way in which the replay differs from what the session stores.
+
+    Numbers of results that differ by no more than `rounding`, relative, are taken as the same.
+    """
     found: list[str] = []
     if len(curves) != len(session.curves):
         found.append(f"stored curves: {len(session.curves)}; the replay gives {len(curves)}")
@@ -249,9 +257,21 @@ def differences(session: Session, curves: list[Curve], results: list[Identificat
             continue  # a recovered session: nothing to compare with
         now = result.to_json()
         for key in sorted({*kept} - {"seconds"}):  # later versions may say more
-            if kept.get(key) != now.get(key):
+            if not _same(kept.get(key), now.get(key), rounding):
                 found.append(f"{curve.name}: {key} was {kept.get(key)}, is {now.get(key)}")
     return found
+
+
+def _same(was: Any, now: Any, rounding: float) -> bool:
+    """Return whether two parts of a document are the same but for rounding."""
+    if isinstance(was, dict) and isinstance(now, dict):
+        return was.keys() == now.keys() and all(_same(was[k], now[k], rounding) for k in was)
+    if isinstance(was, list) and isinstance(now, list):
+        both = zip(was, now, strict=False)
+        return len(was) == len(now) and all(_same(a, b, rounding) for a, b in both)
+    if isinstance(was, float) and isinstance(now, float):
+        return abs(was - now) <= rounding * max(abs(was), abs(now))
+    return bool(was == now)
 
 
 def reasons(session: Session, identifier: Identifier) -> list[str]:

@@ -252,6 +252,25 @@ def test_the_shipped_example_is_answered_as_it_was_when_it_was_recorded():
             assert now["parameters"][name] == near, name
 
 
+@pytest.mark.parametrize(
+    ("share", "agrees"), [(0.0, "bit for bit"), (1e-9, "to a millionth"), (1e-5, "")]
+)
+def test_rounding_is_no_difference(session, tmp_path, capsys, share, agrees):
+    """A visit that was recorded on another processor differed in every number."""
+
+    def off(part):
+        if isinstance(part, dict):
+            return {key: off(value) for key, value in part.items()}
+        return part * (1.0 + share) if isinstance(part, float) else part
+
+    results = [result | {"parameters": off(result["parameters"])} for result in session.results]
+    out = tmp_path / "s.h5"
+    write_session(out, dataclasses.replace(session, results=results))
+    assert run(["replay", str(out), "--verify"]) == (0 if agrees else 1)
+    told = capsys.readouterr()
+    assert f"agree {agrees}" in told.out if agrees else "parameters was" in told.err
+
+
 def test_nothing_is_named_where_nothing_is_different(session):
     assert reasons(session, identifier_of(session)[0]) == []
 
