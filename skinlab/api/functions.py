@@ -36,6 +36,7 @@ from skinlab.errors import InputError, NotTrustworthyError
 from skinlab.inference import result as identifications
 from skinlab.inference.batch import (
     fitted_together,
+    judged,
     scatter_of,
     with_scatter,
     with_stated_noise,
@@ -150,7 +151,7 @@ def identify(
         **options,
     )
     identifier = identifier.of_probe([curve])
-    return Identification(_usable(identifier(curve)), [curve], identifier)
+    return Identification(_usable(judged(identifier, curve)), [curve], identifier)
 
 
 @checked

@@ -13,6 +13,8 @@ from skinlab.inference.identify import Identifier
 from skinlab.inference.noise import roughness
 from skinlab.inference.result import Identification
 from skinlab.inference.settings import NOISE
+from skinlab.quality.gates import all_gates, judge
+from skinlab.quality.gates.base import whole
 
 
 def fitted_together(identifier: Identifier, curves: Sequence[Curve]) -> Sequence[Curve]:
@@ -99,13 +101,17 @@ def identify_all(
 ) -> Iterator[Identification]:
     """Yield the answers in the order of the curves, the same bits for any number of workers."""
     if min(workers, len(curves)) <= 1:
-        yield from map(identifier, curves)
+        yield from (judged(identifier, curve) for curve in curves)
         return
     from skinlab.workers import Pool  # slow to import
 
     with Pool(min(workers, len(curves)), identifier) as pool:
-        yield from pool.map(_identify, curves)
+        yield from pool.map(judged, curves)
 
 
-def _identify(identifier: Identifier, curve: Curve) -> Identification:
-    return identifier(curve)
+def judged(identifier: Identifier, curve: Curve) -> Identification:
+    """Return the answer of a whole curve; the quality gates that it fails are among its flags."""
+    result, view = identifier(curve), whole(curve)
+    names = [gate.name for gate in all_gates() if judge(gate, view) is not None]
+    new = tuple(name for name in names if name not in result.flags)
+    return replace(result, flags=(*result.flags, *new))

@@ -16,7 +16,7 @@ from skinlab.curves.cutometer import step_numbers
 from skinlab.errors import InputError, SkinlabError
 from skinlab.exchange.importing.questions import Answers
 from skinlab.exchange.importing.reader import MOST_BYTES, read_any
-from skinlab.inference.batch import with_stated_noise
+from skinlab.inference.batch import judged, with_stated_noise
 from skinlab.inference.identify import Identifier
 from skinlab.inference.result import Identification
 from skinlab.io.log import log_exception
@@ -146,7 +146,7 @@ def _placement(curve: Curve) -> dict[str, Any]:
 
 
 def _row(identifier: Identifier, curve: Curve, known: dict[str, Any]) -> Row:
-    result = identifier(curve)
+    result = judged(identifier, curve)
     answer = result.to_json()
     for name in ("file", "seconds"):  # the first is the table's, the second differs every time
         answer.pop(name, None)

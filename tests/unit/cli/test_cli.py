@@ -21,6 +21,7 @@ from skinlab.inference.methods import METHODS, get_method, method_names
 from skinlab.inference.methods.base import Method, Option
 from skinlab.mechanics.effects import EFFECTS
 from skinlab.mechanics.effects.base import Effect, Parameter
+from skinlab.quality.gates import all_gates
 
 ROOT = Path(__file__).parents[3]
 CSV = "time_s,pressure_mbar,deflection_mm\n"
@@ -264,6 +265,26 @@ def test_a_campaign_can_be_given(capsys, tmp_path, curve_csv):
         status, out, _ = call(capsys, "identify", name)
         assert status == 0
         assert "X1" in out
+
+
+def test_the_gates_that_a_file_fails_are_flags(capsys, tmp_path, curve_csv):
+    """A sensor at the end of its range was a misfit at most, and lost samples were nothing."""
+    head, *rows = curve_csv.read_text().splitlines()
+    values = np.array([[float(x) for x in row.split(",")] for row in rows])
+    stuck, gap = values.copy(), np.delete(values, slice(20, 30), axis=0)
+    stuck[:, 2] = np.minimum(stuck[:, 2], 0.6 * stuck[:, 2].max())
+    files = [curve_csv]
+    for name, changed in (("stuck", stuck), ("gap", gap)):
+        files.append(tmp_path / f"{name}.csv")
+        lines = [",".join(str(x) for x in row) for row in changed.tolist()]
+        files[-1].write_text("\n".join([head, *lines]) + "\n")
+    status, out, _ = call(capsys, "identify", *files, *SKIN, "--json")
+    good, stopped, lost = ({*one["flags"]} for one in json.loads(out)["curves"])
+    gates = {gate.name for gate in all_gates()}
+    assert status == 0
+    assert not good & gates
+    assert stopped & gates == {"frozen", "saturated"}
+    assert lost & gates == {"time_gaps"}
 
 
 def test_the_good_curves_of_a_campaign_are_done(capsys, tmp_path, curve_csv):
