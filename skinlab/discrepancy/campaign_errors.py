@@ -487,26 +487,30 @@ def smooth_columns(records: Sequence[Record], degree: int, more: int) -> Array:
     return np.hstack(columns)
 
 
-def _placed_columns(records: Sequence[Record], degree: int) -> Array:
-    """Return polynomials (u, m) in the suction of each repeat alone: what its placement may do."""
+def _placed_columns(records: Sequence[Record], degree: int, power: float = 1.0) -> Array:
+    """Return polynomials (u, m) in a power of the suction of each repeat: what its place may do."""
     starts = np.cumsum([0, *(len(r.curve) for r in records)])
     number = np.repeat(np.arange(len(records)), np.diff(starts))
     repeated = [i for members in by_condition(records) if len(members) > 1 for i in members]
     each = [
-        np.column_stack([number == i, _along_suction(records, [i], starts, degree)])
+        np.column_stack([number == i, _along_suction(records, [i], starts, degree, power)])
         for i in repeated
     ]
     return np.hstack([np.zeros((starts[-1], 0)), *each])
 
 
 def _along_suction(
-    records: Sequence[Record], members: Sequence[int], starts: NDArray[np.intp], degree: int
+    records: Sequence[Record],
+    members: Sequence[int],
+    starts: NDArray[np.intp],
+    degree: int,
+    power: float = 1.0,
 ) -> Array:
-    """Return polynomials (u, degree) in p/p_max of some records, without a constant."""
+    """Return polynomials (u, degree) in a power of p/p_max of some records, without a constant."""
     found = np.zeros((starts[-1], degree))
     top = max(1e-9, *(float(records[i].pressure_mbar.max()) for i in members))
     for i in members:
-        x = np.clip(records[i].pressure_mbar / top, 0.0, 1.0)
+        x = np.clip(records[i].pressure_mbar / top, 0.0, 1.0) ** power
         found[starts[i] : starts[i + 1]] = legendre(x, degree + 1)[:, 1:]
     return found
 
@@ -522,12 +526,22 @@ def outliers(records: Sequence[Record], base: Linearised) -> Mask:
     # Without what placements have in common: that is of the measured curves, with their glitches.
     # And with fewer polynomials: they would follow the first samples, glitches of all repeats.
     waves = smooth_columns(records, ERRORS.smooth_degree, 0)
-    waves = np.hstack([waves, _placed_columns(records, ERRORS.placed_degree)])
-    pure = _beside(base.of_free, waves, np.zeros((len(samples), 0)))
-    # A first fit may be far off, as placements are: beside that no sample would be.
-    pure = replace(pure, residual_mm=_rough_mm(pure.residual_mm, pure.slopes_mm))
-    probability = outlier_probability(pure, samples, step_mm, known_mm)
-    return np.asarray(probability > 0.5)
+
+    def found(placed: Array) -> Mask:
+        pure = _beside(base.of_free, np.hstack([waves, placed]), np.zeros((len(samples), 0)))
+        # A first fit may be far off, as placements are: beside that no sample would be.
+        pure = replace(pure, residual_mm=_rough_mm(pure.residual_mm, pure.slopes_mm))
+        probability = outlier_probability(pure, samples, step_mm, known_mm)
+        return np.asarray(probability > 0.5)
+
+    placed = _placed_columns(records, ERRORS.placed_degree)
+    bad = found(placed)
+    runs = np.convolve(bad, np.ones(ERRORS.glitch_longest + 1), "valid")
+    if not (runs > ERRORS.glitch_longest).any():
+        return bad
+    # So long is no glitch, but a place: a thinner skin bends more, at the first few mbar alone.
+    steep = _placed_columns(records, ERRORS.placed_degree, 0.5)
+    return found(np.hstack([placed, steep]))
 
 
 def _rough_mm(values_mm: Array, columns: Array) -> Array:

@@ -119,6 +119,17 @@ class Fitter:
         found.measured = np.concatenate([r.straight_mm for r in records])
         return found
 
+    def with_equal_errors(self, size_um: float) -> Fitter:
+        """Return a fitter of the same records, of which all samples have independent errors."""
+        variance = np.full(self.errors.count, (1e-3 * size_um) ** 2)
+        plain = Covariance(variance, np.zeros((len(variance), 0)), self.errors.ends)
+        return self.with_errors(self.records, plain)
+
+    def by_own_errors(self, fit: Fit, errors: Covariance) -> Fit:
+        """Return a fit by other `errors` as it counts by these."""
+        cost, chi2 = self._costs(fit.unknowns, fit.u, fit.deflections_mm)
+        return replace(fit.with_errors(errors, self.errors), chi2=chi2, cost=cost)
+
     def on_paths(self, fit: Fit) -> Fitter | None:
         """Return a fitter of the same records at their paths' pressures, None where they are there.
 
@@ -292,8 +303,7 @@ class Fitter:
         found = other.near(fit) if fit.corrected else other.fit(fit.unknowns, fit.u)
         if found is None:
             return fit
-        cost, chi2 = self._costs(fit.unknowns, found.u, found.deflections_mm)
-        return replace(found.with_errors(errors, self.errors), chi2=chi2, cost=cost)
+        return self.by_own_errors(found, errors)
 
     def _walk(
         self,

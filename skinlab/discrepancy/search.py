@@ -108,36 +108,37 @@ class Search:
         Raises:
             NotTrustworthyError: it has no answer at all for these curves.
         """
+        fitter, best = self.fitter, self._best_of_starts(self.fitter)
+        if self._left_um(best) > SEARCH.astray_um:
+            # These errors know of no places yet: where little noise is in curves of different
+            # places, a skin whose errors could be anything may seem the best.
+            equal = fitter.with_equal_errors(SEARCH.equal_um)
+            other = self._best_of_starts(equal)
+            if self._left_um(other) < SEARCH.astray_share * self._left_um(best):
+                fitter, best = equal, other
+        on_paths = fitter.on_paths(best)
+        if on_paths is not None:
+            best = _fitted(on_paths, best)
+            self.fitter = self.fitter.with_errors(on_paths.records, self.fitter.errors)
+        own = self.fitter.errors
+        return best if fitter.errors is own else self.fitter.by_own_errors(best, fitter.errors)
+
+    def _best_of_starts(self, fitter: Fitter) -> Fit:
         unknowns = self.unknowns
-        fits = self._from_each(unknowns.plain, starts(unknowns))
+        fits = _from_each(fitter, unknowns.plain, starts(unknowns))
         if self.own:
             # Finite elements cost more: from the best of the plain fits, and from the middle.
             fits.sort(key=lambda f: f.cost)
             first = [*(f.u for f in fits[:1]), middle_of(unknowns)]
-            found = (self.fitter.fit(unknowns, unknowns.start(start)) for start in first)
+            found = (fitter.fit(unknowns, unknowns.start(start)) for start in first)
             fits = [f for f in found if f is not None]
         if not fits:
             raise NotTrustworthyError("the model has no answer for these curves")
-        best = min(fits, key=lambda f: f.cost)
-        on_paths = self.fitter.on_paths(best)
-        if on_paths is not None:
-            self.fitter = on_paths
-            best = self._fitted(best)
-        return best
+        return min(fits, key=lambda f: f.cost)
 
-    def _from_each(self, unknowns: Unknowns, starts: Sequence[Array]) -> list[Fit]:
-        """Return fits from starts of the law, until so many have led to the best of them."""
-        found: list[Fit] = []
-        for start in starts:
-            fit = self.fitter.fit(unknowns, start)
-            if fit is None:
-                continue
-            found.append(fit)
-            least = min(f.cost for f in found)
-            close = FITS.gain + FITS.close_share * max(0.0, least - self.fitter.errors.count)
-            if sum(f.cost < least + close for f in found) >= SEARCH.agreeing:
-                break
-        return found
+    def _left_um(self, fit: Fit) -> float:
+        off = np.concatenate(fit.deflections_mm) - self.fitter.measured
+        return 1e3 * float(np.sqrt(np.mean(off**2)))
 
     def run(self, base: Candidate | None = None) -> Found:
         """Return the base fit, which is `learned_base`'s, the screen and the candidates."""
@@ -244,7 +245,9 @@ class Search:
             found = [off_the_wall(self.fitter, fit, NO_LIMIT)]
         else:
             unknowns = fit.unknowns
-            found = self._from_each(unknowns, [unknowns.start(one) for one in starts(unknowns)])
+            found = _from_each(
+                self.fitter, unknowns, [unknowns.start(one) for one in starts(unknowns)]
+            )
         best = min(found, key=lambda f: f.cost, default=fit)
         return best if best.cost < fit.cost - FITS.gain else None
 
@@ -263,13 +266,7 @@ class Search:
     def _refitted(self, records: Sequence[Record], first: Fit) -> Fit:
         """Return a fit with the errors as learned, which is how all others are fitted from here."""
         self.fitter = self.fitter.with_errors(records, self.errors.working)
-        return self._fitted(first)
-
-    def _fitted(self, first: Fit) -> Fit:
-        fit = self.fitter.fit(first.unknowns, first.u)
-        if fit is None:
-            raise NotTrustworthyError("the model has no answer for these curves")
-        return fit
+        return _fitted(self.fitter, first)
 
     def errors_with(self, fit: Fit) -> CampaignErrors:
         """Return the errors that were learned, with the look that this explanation gives.
@@ -576,4 +573,26 @@ def creased(records: Sequence[Record], fit: Fit, domes: TableDomes) -> list[Reco
     for r in records:
         creases_mbar, seen = known[r.geometry]
         found.append(replace(r, creases_mbar=creases_mbar, table_errors=seen))
+    return found
+
+
+def _fitted(fitter: Fitter, first: Fit) -> Fit:
+    fit = fitter.fit(first.unknowns, first.u)
+    if fit is None:
+        raise NotTrustworthyError("the model has no answer for these curves")
+    return fit
+
+
+def _from_each(fitter: Fitter, unknowns: Unknowns, starts: Sequence[Array]) -> list[Fit]:
+    """Return fits from starts of the law, until so many have led to the best of them."""
+    found: list[Fit] = []
+    for start in starts:
+        fit = fitter.fit(unknowns, start)
+        if fit is None:
+            continue
+        found.append(fit)
+        least = min(f.cost for f in found)
+        close = FITS.gain + FITS.close_share * max(0.0, least - fitter.errors.count)
+        if sum(f.cost < least + close for f in found) >= SEARCH.agreeing:
+            break
     return found

@@ -20,6 +20,8 @@ class ErrorRules:
     errors that last, of 7 µm, and with as many as these none."""
     placed_degree: int = 3
     """Of polynomials in the suction, of each repeat alone, where glitches are looked for,"""
+    glitch_longest: int = 4
+    """Samples one after the other: of more the polynomials are not enough,"""
     rough_rounds: int = 8
     """in what these leave by least squares, so often weighed again"""
     rough_tuning: float = 2.385
@@ -235,6 +237,12 @@ class SearchRules:
     smaller ones `life_named_of_one_hidden` and `life_two_hidden_named_rightly` down.
     """
 
+    astray_um: float = 50.0
+    """What the first fit of the model as it is may leave, root mean square, before one by"""
+    equal_um: float = 20.0
+    """equal errors of all samples is asked, which is taken where it leaves less than"""
+    astray_share: float = 0.5
+    """this share of that."""
     rounds: int = 2
     """Times that errors are learned about a better fit of the model as it is."""
     agreeing: int = 4
