@@ -536,8 +536,8 @@ def outliers(records: Sequence[Record], base: Linearised) -> Mask:
 
     placed = _placed_columns(records, ERRORS.placed_degree)
     bad = found(placed)
-    runs = np.convolve(bad, np.ones(ERRORS.glitch_longest + 1), "valid")
-    if not (runs > ERRORS.glitch_longest).any():
+    longest, curves = ERRORS.glitch_longest, np.split(bad, samples.ends[:-1])
+    if not any(np.convolve(one, np.ones(longest + 1)).max() > longest for one in curves):
         return bad
     # So long is no glitch, but a place: a thinner skin bends more, at the first few mbar alone.
     steep = _placed_columns(records, ERRORS.placed_degree, 0.5)

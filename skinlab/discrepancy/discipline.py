@@ -33,7 +33,7 @@ from skinlab.discrepancy.settings import NAMES, SEARCH
 from skinlab.inference.covariance import Covariance
 from skinlab.inference.error_choice import ErrorChoice, Node
 from skinlab.inference.noise import legendre
-from skinlab.mechanics.effects import get_effect
+from skinlab.mechanics.effects import EFFECTS, get_effect
 from skinlab.mechanics.names import is_logarithmic, label
 
 Array = NDArray[np.float64]
@@ -164,7 +164,11 @@ class Discipline:
         """Tell of effects that curves as long as these cannot show."""
         longest_s = max(float(np.ptp(r.curve.time_s)) for r in self._records)
         for name, values in best.fit.unknowns.values(best.fit.u).items():
-            if name not in base.effects and (why := get_effect(name).unseen(values, longest_s)):
+            if name in base.effects:
+                continue
+            with EFFECTS.at_work(name):
+                why = get_effect(name).unseen(values, longest_s)
+            if why:
                 yield Trial("seen", False, why)
 
     def _size(self, best: Candidate, base: Candidate) -> Trial:

@@ -20,12 +20,12 @@ class ErrorRules:
     errors that last, of 7 µm, and with as many as these none."""
     placed_degree: int = 3
     """Of polynomials in the suction, of each repeat alone, where glitches are looked for,"""
-    glitch_longest: int = 4
-    """Samples one after the other: of more the polynomials are not enough,"""
     rough_rounds: int = 8
     """in what these leave by least squares, so often weighed again"""
     rough_tuning: float = 2.385
     """by deviations in units of so many usual ones: 95 % efficient where all are Gaussian."""
+    glitch_longest: int = 4
+    """Samples on end that may be glitches: where more would be, the polynomials are not enough."""
     smooth_sd_um: float = 100.0
     """Prior of their coefficients: larger than what any effect leaves after a refit (140 µm)."""
     common_sd: float = 1.0
