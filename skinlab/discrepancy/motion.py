@@ -28,8 +28,6 @@ from skinlab.mechanics.effects.learned_motion import LearnedMotion
 
 Array = NDArray[np.float64]
 
-IN_STEP = "periodic_motion"  # the effect that has the same phase in every curve
-
 
 def find_motion(search: Search, found: Found) -> tuple[Candidate, tuple[Trial, ...]] | None:
     """Return what the errors show that is too large to be one, with its trials.

@@ -54,6 +54,7 @@ class PairSearch:
         self._search, self._race, self._own = search, race, search.own
         # What was promised beside fits and their looks, by their addresses, and what these are of.
         self._promised: dict[tuple[int, int], tuple[Fit, ErrorChoice | None, _Promises]] = {}
+        self._alone: set[str] = set()  # single effects that were begun where a pair ended
 
     def beside(
         self,
@@ -254,20 +255,25 @@ class PairSearch:
 
         Where a pair leads. A strong effect changes the skin as well: from the base model's optimum
         its fit may not find there, and then needs a partner that it has not; one that the screen
-        passed over was not fitted at all.
+        passed over was not fitted at all. An effect is asked once, and again only what leads then:
+        a stiffening that was given up, since a gain explained, led beside a preload among `rivals`.
         """
-        if self._leading_pair(candidates) is None:
+        best = self._leading_pair(candidates)
+        if best is None or self._alone.issuperset(best.effects[len(self._own) :]):
             return []
         tasks: dict[tuple[str, ...], tuple[Unknowns, Array]] = {}
         for pair in sorted(candidates, key=lambda c: c.fit.cost):
             if pair.adequate and len(pair.effects) - len(self._own) > 1:
                 for name in pair.effects[len(self._own) :]:
+                    if name in self._alone:
+                        continue
                     alone = self._search.unknowns.with_effect(name)
                     start = alone.among(pair.fit.unknowns, pair.fit.u)
                     tasks.setdefault(alone.effects, (alone, start))
         found = list(tasks.values())[: SEARCH.members]
         if found:
             self._search.progress("fitting the members of pairs alone")
+            self._alone |= {unknowns.effects[-1] for unknowns, _ in found}
         fitted = self._race.fitted(fit_from, [(*task, NO_LIMIT) for task in found])
         return [c for c in fitted if c.adequate]
 

@@ -36,6 +36,7 @@ from skinlab.discrepancy.candidates import (
 )
 from skinlab.discrepancy.fit import NO_LIMIT, Fit, Fitter
 from skinlab.discrepancy.pair_search import PairSearch, beside_which
+from skinlab.discrepancy.phases import IN_STEP, out_of_step
 from skinlab.discrepancy.placement_curves import bends_mm, thickness_slopes, with_thickness_of
 from skinlab.discrepancy.race import Race
 from skinlab.discrepancy.records import Record, by_condition, without
@@ -83,6 +84,7 @@ class Search:
         self.looks: list[tuple[Fit, ErrorChoice]] = []  # and as explanations do
         # Evidence of fits by looks, by their addresses, and what these are of.
         self._weighed_by: dict[int, tuple[ErrorChoice, dict[int, tuple[Fit, float]]]] = {}
+        self._out_of_step: dict[str, str] = {}  # why a motion is none of the explanations
         self._own_log: dict[int, float] = {}  # log evidence of each of `looks` itself, by address
         self.kept: tuple[NDArray[np.bool_], ...] = ()  # samples (n,) of each curve
         self.unknowns = with_thickness(unknowns_of(model), fitter.records)
@@ -179,12 +181,15 @@ class Search:
             candidates = best_of_each(candidates)
             candidates = best_of_each([*candidates, *pairs.members(candidates)])
             candidates = pairs.rivals(candidates)
+            candidates = best_of_each([*candidates, *pairs.members(candidates)])
             candidates += pairs.every_single(chosen, singles, candidates)
             candidates += self._seen_off_the_wall(race, candidates)
-            candidates = best_of_each(candidates)
+            candidates = self._in_step(best_of_each(candidates))
             candidates = self._weighed(base, candidates, SEARCH.looks)
             candidates = self._sharpened(race, candidates)
         candidates.sort(key=lambda c: -c.log10_evidence)
+        if not any(IN_STEP in c.effects for c in candidates):
+            not_screened |= self._out_of_step
         for name in self.own:
             stated = any(k.effect == name and k.stated for k in self.unknowns.known)
             not_screened[name] = (
@@ -462,10 +467,10 @@ class Search:
         """
         least = SEARCH.rival * chosen[0].gain
         likely = [s for s in chosen if s.gain >= least or get_effect(s.effect).curved]
-        found = race.run([(race.base.fit, s) for s in likely])
+        found = self._in_step(race.run([(race.base.fit, s) for s in likely]))
         if not any(c.adequate for c in found):
             others = [s for s in chosen if s not in likely]
-            found += race.run([(race.base.fit, s) for s in others])
+            found += self._in_step(race.run([(race.base.fit, s) for s in others]))
         if race.base.adequate or any(c.adequate for c in found):
             return found
         return self._begun_elsewhere(race, chosen, found)
@@ -487,6 +492,26 @@ class Search:
             else c
             for c in found
         ]
+
+    def _in_step(self, candidates: list[Candidate]) -> list[Candidate]:
+        """Return the candidates without those that may be a breath or a pulse by chance in step.
+
+        Those behind the same without the motion stay: nothing is called a motion for them.
+        """
+        return [c for c in candidates if not self._by_chance_in_step(c, candidates)]
+
+    def _by_chance_in_step(self, one: Candidate, candidates: Sequence[Candidate]) -> bool:
+        mine = one.effects[len(self.own) :]
+        if IN_STEP not in mine or not one.adequate or one.log10_evidence < NAMES.tie:
+            return False
+        fewer = (c for c in candidates if set(c.effects) < set(one.effects))
+        if any(c.log10_evidence >= one.log10_evidence for c in fewer):
+            return False
+        linear, errors = self.linear(one.fit), self.errors.pure.mode
+        why = out_of_step(one.fit, linear, errors, self.fitter.records)
+        if why:
+            self._out_of_step[IN_STEP] = why
+        return bool(why)
 
     def _seen_off_the_wall(self, race: Race, candidates: Sequence[Candidate]) -> list[Candidate]:
         """Return single effects that explain, and that the screen does not see from a range's end.

@@ -378,6 +378,11 @@ class NameRules:
     wave_um: Mapping[str, float] = field(default_factory=lambda: {"pulse": 2.6, "breathing": 4.4})
     """Root mean squares from which on a pulse or a breath that repeats bear out is told of: a
     quarter more than those of life at most (amplitudes of 3 and 5 µm)."""
+    alike_by_chance: float = 1e-4
+    """Of curves' phases, below which a motion as fast as a breath or a pulse is in step: of ten
+    frequencies, which a record of 10 s tells apart there, one is mistaken once in a thousand."""
+    phase_known: float = 5.0
+    """Standard deviations from which on a curve's motion tells its phase as well as any."""
     same_motion: float = 2.0
     """Times the size that a model says of a motion, up to which what is found is the same one."""
     unasked: float = 6.0

@@ -15,9 +15,10 @@ from skinlab.discrepancy.families import find_families
 from skinlab.discrepancy.fit import Fit, Fitter
 from skinlab.discrepancy.heldout import HeldOut, conditions_of, predict_held_out
 from skinlab.discrepancy.misfit import errors_of
-from skinlab.discrepancy.motion import IN_STEP, find_motion, has_motion
+from skinlab.discrepancy.motion import find_motion, has_motion
 from skinlab.discrepancy.next_measurement import NextMeasurement, advise
 from skinlab.discrepancy.outcome import Outcome
+from skinlab.discrepancy.phases import IN_STEP
 from skinlab.discrepancy.placement_curves import with_stiffness_of
 from skinlab.discrepancy.planned_curve import PlannedErrors
 from skinlab.discrepancy.posterior import gaussian, sample

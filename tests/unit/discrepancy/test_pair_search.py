@@ -89,6 +89,35 @@ def test_a_rival_of_a_pair_that_leads_may_have_neither_of_its_members():
     assert [c.effects for c in found] == [*(c.effects for c in known), ("tension", "preload")]
 
 
+def test_the_halves_of_a_pair_are_asked_alone_once_and_those_of_the_next_that_leads():
+    """A stiffening was given up, since a gain explained; it led beside a preload afterwards."""
+    begun = []
+
+    def alone(name):
+        return SimpleNamespace(effects=(name,), among=lambda unknowns, u: (name, u))
+
+    def pair(*effects, log10_evidence):
+        found = candidate(*effects, log10_evidence=log10_evidence)
+        found.fit.unknowns, found.fit.u = None, effects
+        return found
+
+    def fitted(function, tasks):
+        begun.extend((unknowns.effects[0], start[1]) for unknowns, start, _ in tasks)
+        return [candidate(unknowns.effects[0], log10_evidence=1.0) for unknowns, *_ in tasks]
+
+    search = SimpleNamespace(
+        own=(), unknowns=SimpleNamespace(with_effect=alone), progress=lambda _: 0
+    )
+    pairs = PairSearch(search, SimpleNamespace(fitted=fitted))
+    first = [pair("gain", "bend", log10_evidence=9.0)]
+    assert [c.effects for c in pairs.members(first)] == [("gain",), ("bend",)]
+    assert pairs.members(first) == []
+    then = [*first, pair("preload", "stiffening", log10_evidence=12.0)]
+    assert [c.effects for c in pairs.members(then)] == [("preload",), ("stiffening",)]
+    assert begun[2:] == [(n, ("preload", "stiffening")) for n in ("preload", "stiffening")]
+    assert pairs.members([candidate("preload", log10_evidence=20.0), *then]) == []
+
+
 @pytest.mark.parametrize("explains", [True, False])
 def test_a_pair_that_is_begun_again_ends_early_where_something_explains(explains):
     """Half of the time of a friction with a lag went to pairs that were far behind it."""
