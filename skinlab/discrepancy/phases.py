@@ -8,7 +8,8 @@ in step does, at any of the frequencies that were tried.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +21,7 @@ from skinlab.discrepancy.fit import Fit
 from skinlab.discrepancy.records import Record
 from skinlab.discrepancy.settings import NAMES
 from skinlab.inference.covariance import Covariance, block_diagonal
+from skinlab.inference.error_choice import ErrorChoice
 from skinlab.inference.error_models import breathing, pulse
 
 Array = NDArray[np.float64]
@@ -30,17 +32,16 @@ _WIDER = 1.3  # beyond a band's ends: curves whose frequencies differ have one b
 _FAR = 1e6  # of a saddle point: a sum that is all but the largest there is
 
 
-def out_of_step(fit: Fit, linear: Linearised, errors: Covariance, records: Sequence[Record]) -> str:
+def out_of_step(fit: Fit, linear: Linearised, look: ErrorChoice, records: Sequence[Record]) -> str:
     """Return why a fit's motion in step may be a breath or a pulse; "" where it is none.
 
-    `linear` is the explanation about its fit.
+    `linear` is the explanation about its fit, `look` what the errors may be.
     """
     hz = fit.unknowns.values(fit.u)[IN_STEP]["frequency_hz"]
     who = next((m.what for m in _LIVING if m.low_hz / _WIDER <= hz <= _WIDER * m.high_hz), "")
     if not who:
         return ""
-    waves = _waves_of_each(fit, linear, errors, records, hz)
-    chance = chance_of_phases(*waves)
+    chance = _of_each(fit, linear, still_errors(look), records, hz).chance
     if chance <= NAMES.alike_by_chance:
         return ""
     return (
@@ -49,31 +50,88 @@ def out_of_step(fit: Fit, linear: Linearised, errors: Covariance, records: Seque
     )
 
 
-def _waves_of_each(
-    fit: Fit, linear: Linearised, errors: Covariance, records: Sequence[Record], hz: float
-) -> tuple[Array, Array]:
-    """Return what each curve has of the motion, by least squares beside all other unknowns.
+def begun_in_step(
+    fit: Fit, linear: Linearised, look: ErrorChoice, records: Sequence[Record]
+) -> Iterator[dict[str, float]]:
+    """Yield motions in step that errors have as a breath or a pulse of each curve.
 
-    Cosine of its phase against the motion in step (curves,), and its size in standard deviations.
+    Beside such errors a motion that is the same in all curves gains nearly nothing, so that no
+    screen sees it. `fit` is the model as it is, `linear` the same about its fit.
     """
-    angles = [2.0 * np.pi * hz * (r.curve.time_s - r.curve.time_s[0]) for r in records]
+    errors = still_errors(look)
+    # The frequency of errors is known to a part of what a record tells apart only.
+    finest_hz = 0.1 / max(float(np.ptp(r.curve.time_s)) for r in records)
+    for one in _LIVING:
+        node = next((n for n in look.nodes if one.name in n.sizes_um), None)
+        if node is None:
+            continue
+        near_hz = node.values[f"{one.name}_hz"] + finest_hz * np.arange(-5, 6)
+        found = {hz: _of_each(fit, linear, errors, records, hz) for hz in near_hz.tolist()}
+        hz = max(found, key=lambda hz: found[hz].power)
+        if found[hz].chance <= NAMES.alike_by_chance:
+            yield {"amplitude_um": found[hz].in_step_um, "frequency_hz": hz}
+
+
+def still_errors(look: ErrorChoice) -> Covariance:
+    """Return the errors without a breath or a pulse of each curve."""
+    moving = [one.name for one in _LIVING]
+    node = next((n for n in look.nodes if n.sizes_um.keys() & set(moving)), None)
+    if node is None:
+        return look.mode
+    columns = [node.combination.columns[name] for name in moving if name in node.sizes_um]
+    whole = node.covariance
+    kept = np.ones(whole.shapes_mm.shape[1], dtype=bool)
+    for which in columns:
+        kept[which] = False
+    sizes = None if whole.sizes is None else whole.sizes[kept]
+    return replace(whole, shapes_mm=whole.shapes_mm[:, kept], sizes=sizes)
+
+
+@dataclass(frozen=True)
+class _Waves:
+    """What each curve has of a motion: sine and cosine (curves,), and how well they are known."""
+
+    sine_um: Array
+    cosine_um: Array
+    sd_um: Array
+
+    @property
+    def in_step_um(self) -> float:
+        """The amplitude that all have in step."""
+        return float(np.average(self.sine_um, weights=self.sd_um**-2))
+
+    @property
+    def power(self) -> float:
+        """Squares of all in standard deviations: what any phases take up."""
+        return float(np.sum((self.sine_um**2 + self.cosine_um**2) / self.sd_um**2))
+
+    @property
+    def chance(self) -> float:
+        """How often phases of chance are so much in step."""
+        size = np.hypot(self.sine_um, self.cosine_um)
+        cosines = math.copysign(1.0, self.in_step_um) * self.sine_um / size
+        return chance_of_phases(cosines, size / self.sd_um)
+
+
+def _of_each(
+    fit: Fit, linear: Linearised, errors: Covariance, records: Sequence[Record], hz: float
+) -> _Waves:
+    """Return what each curve has of a motion, by least squares beside all other unknowns."""
+    angles = [2.0 * np.pi * hz * (r.curve.time_s - r.began_s) for r in records]
     waves = block_diagonal([np.column_stack([np.sin(a), np.cos(a)]) for a in angles])
-    k = fit.unknowns.count
-    mine = np.array([*np.zeros(k, dtype=bool), *(a.effect == IN_STEP for a in fit.unknowns.axes)])
+    known = fit.unknowns.values(fit.u).get(IN_STEP, {"amplitude_um": 0.0})["amplitude_um"]
+    law = np.zeros(fit.unknowns.count, dtype=bool)
+    mine = np.array([*law, *(a.effect == IN_STEP for a in fit.unknowns.axes)])
     others = linear.slopes_mm[:, linear.free & ~mine]
-    amplitude_mm = 1e-3 * fit.unknowns.values(fit.u)[IN_STEP]["amplitude_um"]
-    target = linear.residual_mm + amplitude_mm * np.concatenate([np.sin(a) for a in angles])
-    white = errors.whiten(np.column_stack([waves, others, target]))
-    columns, y = white[:, :-1], white[:, -1]
-    length = np.sqrt(np.square(columns).sum(axis=0))
-    inverse = np.linalg.pinv((columns / length).T @ (columns / length), hermitian=True)
-    found = (inverse @ ((columns / length).T @ y)) / length
-    variance = np.diag(inverse) / length**2
+    target = linear.residual_mm + 1e-3 * known * np.concatenate([np.sin(a) for a in angles])
+    white = errors.whiten(np.column_stack([1e-3 * waves, others, target]))
+    length = np.sqrt(np.square(white[:, :-1]).sum(axis=0))
+    columns = white[:, :-1] / length
+    inverse = np.linalg.pinv(columns.T @ columns, hermitian=True)
     n = 2 * len(records)
-    each, spread = found[:n].reshape(-1, 2), variance[:n].reshape(-1, 2)
-    size = np.hypot(each[:, 0], each[:, 1])
-    sign = math.copysign(1.0, amplitude_mm)
-    return sign * each[:, 0] / size, size / np.sqrt(spread.mean(axis=1))
+    found = (inverse @ (columns.T @ white[:, -1]) / length)[:n].reshape(-1, 2)
+    variance = (np.diag(inverse) / length**2)[:n].reshape(-1, 2).mean(axis=1)
+    return _Waves(found[:, 0], found[:, 1], np.sqrt(variance))
 
 
 def chance_of_phases(cosines: Array, sizes: Array) -> float:

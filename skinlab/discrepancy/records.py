@@ -57,6 +57,7 @@ class Record:
     table_errors: SeenErrors | None = None  # of its opening, along suctions; None: not known
     bend_mm: Array | float = 0.0  # (n,) of its placement, beyond slopes: see `placement_curves`
     off_path_mm: Array | float = 0.0  # (n,) what noise off the path does: see `Fitter.on_paths`
+    first_s: float | None = None  # time of the curve's first sample, where that is no longer here
 
     @property
     def name(self) -> str:
@@ -72,6 +73,11 @@ class Record:
     def straight_mm(self) -> Array:
         """The same as they would be if placements moved curves along slopes, mm."""
         return self.at_pressure_mm - self.bend_mm
+
+    @property
+    def began_s(self) -> float:
+        """Time of the curve's first sample as recorded, from which sensor effects count."""
+        return float(self.curve.time_s[0]) if self.first_s is None else self.first_s
 
     @cached_property
     def on_path_mbar(self) -> Array:
@@ -126,7 +132,10 @@ def records_of(campaign: Campaign, *, every: bool = False) -> list[Record]:
         when = tuple(true.time_s[bad].tolist())
         true = true.only(~bad) if bad.any() else true
         one = _record(true, campaign.noise_um, campaign.pressure_noise_mbar)
-        found.append(replace(one, placement=placement, glitches=len(when), left_out_s=when))
+        first_s = float(curve.time_s[0])
+        found.append(
+            replace(one, placement=placement, glitches=len(when), left_out_s=when, first_s=first_s)
+        )
     _check_sucked(found)
     if campaign.noise_um is None:
         # A lone curve's roughness is known to a tenth only: one instrument, one noise.

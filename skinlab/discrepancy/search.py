@@ -36,7 +36,7 @@ from skinlab.discrepancy.candidates import (
 )
 from skinlab.discrepancy.fit import NO_LIMIT, Fit, Fitter
 from skinlab.discrepancy.pair_search import PairSearch, beside_which
-from skinlab.discrepancy.phases import IN_STEP, out_of_step
+from skinlab.discrepancy.phases import IN_STEP, begun_in_step, out_of_step, still_errors
 from skinlab.discrepancy.placement_curves import bends_mm, thickness_slopes, with_thickness_of
 from skinlab.discrepancy.race import Race
 from skinlab.discrepancy.records import Record, by_condition, without
@@ -44,6 +44,7 @@ from skinlab.discrepancy.screen import Signature, worth_fitting
 from skinlab.discrepancy.search_workers import (
     fit_by,
     fit_elsewhere,
+    fit_from_by,
     off_the_wall,
 )
 from skinlab.discrepancy.settings import ERRORS, FITS, NAMES, SEARCH
@@ -157,6 +158,8 @@ class Search:
             if chosen:
                 self.progress(f"fitting {', '.join(s.effect for s in chosen)}")
                 singles = self._singles(race, chosen)
+            if in_step := self._begun_in_step(race):
+                singles = [*(c for c in singles if c.effects != in_step[0].effects), *in_step]
             candidates = singles
             explaining = [c for c in singles if c.adequate]
             if explaining:
@@ -475,6 +478,19 @@ class Search:
             return found
         return self._begun_elsewhere(race, chosen, found)
 
+    def _begun_in_step(self, race: Race) -> list[Candidate]:
+        """Return fits of a motion that all curves have in step, where errors took it up."""
+        if IN_STEP not in self.library:
+            return []
+        base, unknowns, look = race.base.fit, self.unknowns.with_effect(IN_STEP), self.errors.pure
+        tasks = []
+        for values in begun_in_step(base, self.linear(base), look, self.fitter.records):
+            added = (a for a in unknowns.axes if a.effect == IN_STEP)
+            moved = [a.to_u(values[a.parameter.name]) for a in added]
+            tasks.append((unknowns, np.array([*base.u, *moved]), still_errors(look)))
+        found = self._in_step(race.fitted(fit_from_by, tasks))
+        return sorted(found, key=lambda c: -c.log10_evidence)[:1]
+
     def _begun_elsewhere(
         self, race: Race, chosen: list[Signature], found: list[Candidate]
     ) -> list[Candidate]:
@@ -507,8 +523,7 @@ class Search:
         fewer = (c for c in candidates if set(c.effects) < set(one.effects))
         if any(c.log10_evidence >= one.log10_evidence for c in fewer):
             return False
-        linear, errors = self.linear(one.fit), self.errors.pure.mode
-        why = out_of_step(one.fit, linear, errors, self.fitter.records)
+        why = out_of_step(one.fit, self.linear(one.fit), self.errors.pure, self.fitter.records)
         if why:
             self._out_of_step[IN_STEP] = why
         return bool(why)

@@ -52,6 +52,13 @@ def fit_from(fitter: Fitter, task: tuple[Unknowns, Array, Limit]) -> Fit | None:
     return fitter.fit(*task)
 
 
+def fit_from_by(fitter: Fitter, task: tuple[Unknowns, Array, Covariance]) -> Fit | None:
+    """Return a fit from a start (k,) by other errors, as it counts by the fitter's own."""
+    unknowns, start, errors = task
+    fit = fitter.with_errors(fitter.records, errors).fit(unknowns, start)
+    return None if fit is None else fitter.by_own_errors(fit, errors)
+
+
 def fit_on(fitter: Fitter, fit: Fit) -> Fit:
     """Return a fit gone on with from where it ended, and from the middle of the law's ranges.
 

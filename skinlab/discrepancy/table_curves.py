@@ -115,7 +115,7 @@ def recorded(record: Record, candidates: Sequence[Problems], w: Array) -> Array:
         return w
     time, p = record.curve.time_s, record.on_path_mbar
     rows = zip(candidates, w, strict=True)
-    return np.array([c.sensors.read(time, p, row, float(time[0])) for c, row in rows])
+    return np.array([c.sensors.read(time, p, row, record.began_s) for c, row in rows])
 
 
 def relaxation_of(problems: Sequence[SkinProblem]) -> Relaxation | None:
