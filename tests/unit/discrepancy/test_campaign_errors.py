@@ -32,14 +32,16 @@ from skinlab.discrepancy.discipline import Discipline, repeats_um, shares_of, sm
 from skinlab.discrepancy.fit import Fitter
 from skinlab.discrepancy.heldout import HeldOut
 from skinlab.discrepancy.misfit import errors_of, mesh_columns
+from skinlab.discrepancy.problem_map import Problems
 from skinlab.discrepancy.records import by_condition, coarsened, records_of, without
 from skinlab.discrepancy.search import Search
 from skinlab.discrepancy.settings import NAMES, SEARCH
 from skinlab.discrepancy.starts import unknowns_of, with_thickness
+from skinlab.discrepancy.table_curves import recorded
 from skinlab.discrepancy.table_domes import TableDomes
 from skinlab.discrepancy.unknowns import Unknowns
 from skinlab.inference.covariance import Covariance, OrnsteinUhlenbeck
-from skinlab.mechanics.effects.model import Skin, felt_path, response, solve_skin
+from skinlab.mechanics.effects.model import Sensors, Skin, felt_path, response, solve_skin
 from skinlab.mechanics.fem.skin import SkinProblem
 from skinlab.mechanics.fem.suction import Geometry
 from skinlab.mechanics.model_file import BASE
@@ -367,6 +369,19 @@ def test_fast_samples_are_averaged_within_phases_without_their_glitches(table):
     assert set(coarse.curve.phase) == set(record.curve.phase)
     assert coarse.glitches == 1
     assert coarsened(slow, 25.0) is slow
+
+
+def test_means_of_samples_count_from_the_first_sample_as_it_was_recorded(table):
+    """From the first mean a motion of 1.2 Hz at 200 a second was late by 0.13 of its phase."""
+    (record, _) = records_of(campaign(table, lambda t, per_log, rng: 0.0, PLAN[:2], rate_hz=200))
+    sensors = Sensors.of({"periodic_motion": {"amplitude_um": 10.0, "frequency_hz": 1.2}})
+    candidates = [Problems({}, sensors, [record.path])]
+    coarse = coarsened(record, 25.0)
+    cut = without([coarse], [np.arange(len(coarse.curve)) > 4])[0]
+    for one in (record, coarse, cut):
+        (made,) = recorded(one, candidates, np.zeros((1, len(one.curve))))
+        since_s = one.curve.time_s - record.curve.time_s[0]
+        np.testing.assert_allclose(made, 0.01 * np.sin(2.4 * np.pi * since_s), atol=1e-12)
 
 
 @pytest.mark.parametrize("step_um", [0.1, 10.0])
