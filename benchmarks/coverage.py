@@ -11,7 +11,7 @@ import json
 import statistics
 import time
 import zlib
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import ExitStack, suppress
 from dataclasses import dataclass, replace
@@ -548,15 +548,53 @@ _CANNOT_SAY: dict[str, Callable[[Row], bool]] = {
 }  # fmt: skip
 
 
-def power(seed: int = SEED) -> str:
+def pooled(seeds: Sequence[int]) -> list[dict[str, Any]]:
+    """Return the saved rows of seeds, each with the curves of all of them.
+
+    Shares by numbers of curves; of medians of widths, which are of as many curves each, the mean.
+    """
+    found: dict[str, list[dict[str, Any]]] = {}
+    for line in map(json.loads, _lines(RESULT)):
+        if line["seed"] in seeds:
+            found.setdefault(line["row"], []).append(line)
+    return [parts[0] if len(parts) == 1 else _together(parts) for parts in found.values()]
+
+
+def _together(parts: Sequence[dict[str, Any]]) -> dict[str, Any]:
+    judged = [part["curves"] - part["failed"] for part in parts]
+
+    def shares(key: str, weights: Sequence[float] | None = None) -> dict[str, float]:
+        names = dict.fromkeys(name for part in parts for name in part[key])
+        each = {name: [part[key].get(name, 0.0) for part in parts] for name in names}
+        return {name: float(np.average(x, weights=weights)) for name, x in each.items()}
+
+    whole = {
+        "row": parts[0]["row"],
+        "curves": sum(part["curves"] for part in parts),
+        "failed": sum(part["failed"] for part in parts),
+        "coverage": shares("coverage", judged),
+        "flags": shares("flags", judged),
+        "ranks": {n: np.sum([part["ranks"][n] for part in parts], axis=0) for n in NAMES},
+    }
+    if all("oracle_held" in part for part in parts):
+        whole["oracle_held"] = shares("oracle_held")
+        ratios = [part["width_over_oracle"] for part in parts]
+        whole["width_over_oracle"] = np.mean(ratios, axis=0).tolist()
+    if all("scatter" in part for part in parts):
+        for key in ("scatter", "scatter_held"):
+            whole[key] = float(np.average([part[key] for part in parts], weights=judged))
+    return whole
+
+
+def power(seeds: Sequence[int] = (SEED,)) -> str:
     """Return how often flags came when they should, and when not, from the saved rows.
 
     Of values that cannot be identified from the outcomes, where these are kept.
     """
     came = {flag: {True: [0, 0], False: [0, 0]} for flag in _SHOULD_COME}
-    for line in map(json.loads, _lines(RESULT)):
+    for line in pooled(seeds):
         row = ROWS.get(line["row"])
-        if line["seed"] != seed or row is None or row.kind not in ("any", "ends"):
+        if row is None or row.kind not in ("any", "ends"):
             continue
         curves = line["curves"] - line["failed"]
         for flag, should in _SHOULD_COME.items():
@@ -568,15 +606,16 @@ def power(seed: int = SEED) -> str:
     lines.append("|---|---|---|---|---|")
     for flag, (yes, no) in ((f, (c[True], c[False])) for f, c in came.items()):
         lines.append(f"| `{flag}` | {yes[0]} | {yes[1]} | {no[0]} | {no[1]} |")
-    return "\n".join([*lines, "", *_not_identifiable(seed)])
+    return "\n".join([*lines, "", *_not_identifiable(seeds)])
 
 
-def _not_identifiable(seed: int) -> list[str]:
+def _not_identifiable(seeds: Sequence[int]) -> list[str]:
     off: dict[str, dict[bool, list[float]]] = {n: {True: [], False: []} for n in NAMES}
     for name, row in ROWS.items():
         if row.kind not in ("any", "ends"):
             continue
-        for outcome in (json.loads(line) for line in _lines(_kept(name, seed))):
+        kept = (line for seed in seeds for line in _lines(_kept(name, seed)))
+        for outcome in map(json.loads, kept):
             for i, parameter in enumerate(NAMES if "held" in outcome else ()):
                 off[parameter][outcome["loose"][i]].append(outcome["off"][i])
     lines = [
@@ -589,7 +628,7 @@ def _not_identifiable(seed: int) -> list[str]:
     return lines
 
 
-def draw_ranks(seed: int = SEED) -> None:
+def draw_ranks(seeds: Sequence[int] = (SEED,)) -> None:
     """Draw how ranks of the truth among the draws spread, over all rows of single curves.
 
     Simulation-based calibration (Talts et al. 2018, arXiv:1804.06788): the skins are drawn from the
@@ -597,9 +636,8 @@ def draw_ranks(seed: int = SEED) -> None:
     """
     from matplotlib import pyplot as plt
 
-    lines = [json.loads(line) for line in RESULT.read_text().splitlines()]
     rows = [name for name, row in ROWS.items() if row.kind == "any" and not row.errors.jump]
-    lines = [r for r in lines if r["seed"] == seed and r["row"] in rows]
+    lines = [line for line in pooled(seeds) if line["row"] in rows]
     figure, axes = plt.subplots(1, 3, figsize=(7.5, 2.4), sharey=True, layout="constrained")
     for axis, name in zip(axes, NAMES, strict=True):
         counts = np.sum([r["ranks"][name] for r in lines], axis=0)
@@ -612,14 +650,12 @@ def draw_ranks(seed: int = SEED) -> None:
     figure.savefig(PICTURE, metadata={"Date": None})
 
 
-def table(seed: int = SEED) -> str:
-    """Return the saved rows of a seed as the table of docs/intervals.md."""
+def table(seeds: Sequence[int] = (SEED,)) -> str:
+    """Return the saved rows of seeds as the table of docs/intervals.md."""
     head = ("errors", "curves", "X1", "X2", "ν", "oracle", "width", "flags")
     lines = [head, ("---",) * len(head)]
-    for row in (json.loads(line) for line in _lines(RESULT)):
-        if row["seed"] != seed:
-            continue
-        wanted = {k: v for k, v in row["flags"].items() if k not in _OF_THE_SKIN}
+    for row in pooled(seeds):
+        wanted = {k: v for k, v in row["flags"].items() if k not in _OF_THE_SKIN and v >= 0.005}
         said = ", ".join(f"`{k}` {100 * v:.0f}" for k, v in wanted.items())
         if "scatter" in row:
             found = f"scatter {100 * row['scatter']:.1f} %, held {row['scatter_held']:.0f} %"

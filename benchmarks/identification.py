@@ -5,7 +5,7 @@
         [--seed 20290401] [--rows white_3,ou_0.3s] [--processes 2]
     OPENBLAS_NUM_THREADS=1 python benchmarks/identification.py sampler [--curves 50]
         [--seed 20290401]
-    OPENBLAS_NUM_THREADS=1 python benchmarks/identification.py ranks [--seed 20290401]
+    OPENBLAS_NUM_THREADS=1 python benchmarks/identification.py ranks [--seed 20290401 …]
     OPENBLAS_NUM_THREADS=1 python benchmarks/identification.py rivals [--curves 40] [--seed 3]
 
 Each part prints and saves benchmarks/results/identification_PART.json; `coverage` runs some curves
@@ -306,19 +306,20 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("part", choices=["optimum", "coverage", "ranks", "sampler", "rivals"])
     parser.add_argument("--curves", type=int)
-    parser.add_argument("--seed", type=int)
+    parser.add_argument("--seed", type=int, nargs="+", help="of ranks, several: all their curves")
     parser.add_argument("--rows", help="of coverage, separated by commas; all without")
     parser.add_argument("--processes", type=int, default=1, help="of coverage")
     arguments = parser.parse_args()
+    seeds = arguments.seed or [coverage.SEED]
+    if arguments.part == "ranks":
+        coverage.draw_ranks(seeds)
+        print(f"{coverage.table(seeds)}\n\n{coverage.power(seeds)}")
+        return
+    if len(seeds) > 1:
+        parser.error(f"{arguments.part} takes one seed")
     if arguments.part == "coverage":
         names = arguments.rows.split(",") if arguments.rows else list(coverage.ROWS)
-        seed = coverage.SEED if arguments.seed is None else arguments.seed
-        coverage.run(names, arguments.curves or 1000, seed, processes=arguments.processes)
-        return
-    if arguments.part == "ranks":
-        seed = coverage.SEED if arguments.seed is None else arguments.seed
-        coverage.draw_ranks(seed)
-        print(f"{coverage.table(seed)}\n\n{coverage.power(seed)}")
+        coverage.run(names, arguments.curves or 1000, seeds[0], processes=arguments.processes)
         return
     part, curves, seed = {
         "optimum": (optimum, 1000, 1),
@@ -326,7 +327,7 @@ def main() -> None:
         "rivals": (rivals, 40, 3),
     }[arguments.part]
     curves = arguments.curves or curves
-    seed = seed if arguments.seed is None else arguments.seed
+    seed = arguments.seed[0] if arguments.seed else seed
     result = {
         "command": f"python benchmarks/identification.py {arguments.part} --curves {curves} "
         f"--seed {seed}",
