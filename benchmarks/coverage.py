@@ -655,7 +655,7 @@ def table(seeds: Sequence[int] = (SEED,)) -> str:
     head = ("errors", "curves", "X1", "X2", "ν", "oracle", "width", "flags")
     lines = [head, ("---",) * len(head)]
     for row in pooled(seeds):
-        wanted = {k: v for k, v in row["flags"].items() if k not in _OF_THE_SKIN and v >= 0.005}
+        wanted = {k: v for k, v in row["flags"].items() if k not in _OF_THE_SKIN and v > 0.005}
         said = ", ".join(f"`{k}` {100 * v:.0f}" for k, v in wanted.items())
         if "scatter" in row:
             found = f"scatter {100 * row['scatter']:.1f} %, held {row['scatter_held']:.0f} %"
