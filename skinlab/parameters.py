@@ -175,8 +175,9 @@ def _check_search(p: Parameter) -> None:
 
 
 def stem(name: str, unit: str) -> str:
-    """Return a parameter's name without its unit: X1 of X1_MPa, drift of drift_um_per_s."""
-    return name.removesuffix("_" + unit.replace("µ", "u").replace("/", "_per_")) if unit else name
+    """Return a parameter's name without its unit: X1 of X1_MPa, frequency of frequency_hz."""
+    ending = "_" + unit.replace("µ", "u").replace("/", "_per_")
+    return name.removesuffix(ending).removesuffix(ending.lower()) if unit else name
 
 
 class ParameterSpace(Protocol):

@@ -23,12 +23,14 @@ from skinlab.discrepancy.settings import NAMES
 from skinlab.inference.covariance import Covariance, block_diagonal
 from skinlab.inference.error_choice import ErrorChoice
 from skinlab.inference.error_models import breathing, pulse
+from skinlab.inference.error_models.periodic import Periodic
 
 Array = NDArray[np.float64]
 
 IN_STEP = "periodic_motion"  # the effect that has the same phase in every curve
 _LIVING = (breathing.ERROR_MODEL, pulse.ERROR_MODEL)
 _WIDER = 1.3  # beyond a band's ends: curves whose frequencies differ have one beside all of them
+_TINY = 1e-12
 _FAR = 1e6  # of a saddle point: a sum that is all but the largest there is
 
 
@@ -38,7 +40,7 @@ def out_of_step(fit: Fit, linear: Linearised, look: ErrorChoice, records: Sequen
     `linear` is the explanation about its fit, `look` what the errors may be.
     """
     hz = fit.unknowns.values(fit.u)[IN_STEP]["frequency_hz"]
-    who = next((m.what for m in _LIVING if m.low_hz / _WIDER <= hz <= _WIDER * m.high_hz), "")
+    who = next((one.what for one in _LIVING if _like(one, hz)), "")
     if not who:
         return ""
     chance = _of_each(fit, linear, still_errors(look), records, hz).chance
@@ -65,11 +67,16 @@ def begun_in_step(
         node = next((n for n in look.nodes if one.name in n.sizes_um), None)
         if node is None:
             continue
-        near_hz = node.values[f"{one.name}_hz"] + finest_hz * np.arange(-5, 6)
-        found = {hz: _of_each(fit, linear, errors, records, hz) for hz in near_hz.tolist()}
+        near_hz = (node.values[f"{one.name}_hz"] + finest_hz * np.arange(-5, 6)).tolist()
+        near_hz = [hz for hz in near_hz if _like(one, hz)]
+        found = {hz: _of_each(fit, linear, errors, records, hz) for hz in near_hz}
         hz = max(found, key=lambda hz: found[hz].power)
         if found[hz].chance <= NAMES.alike_by_chance:
             yield {"amplitude_um": found[hz].in_step_um, "frequency_hz": hz}
+
+
+def _like(one: Periodic, hz: float) -> bool:
+    return one.low_hz / _WIDER <= hz <= _WIDER * one.high_hz
 
 
 def still_errors(look: ErrorChoice) -> Covariance:
@@ -108,7 +115,7 @@ class _Waves:
     @property
     def chance(self) -> float:
         """How often phases of chance are so much in step."""
-        size = np.hypot(self.sine_um, self.cosine_um)
+        size = np.maximum(np.hypot(self.sine_um, self.cosine_um), _TINY)
         cosines = math.copysign(1.0, self.in_step_um) * self.sine_um / size
         return chance_of_phases(cosines, size / self.sd_um)
 
@@ -126,12 +133,13 @@ def _of_each(
     target = linear.residual_mm + 1e-3 * known * np.concatenate([np.sin(a) for a in angles])
     white = errors.whiten(np.column_stack([1e-3 * waves, others, target]))
     length = np.sqrt(np.square(white[:, :-1]).sum(axis=0))
+    length = np.where(length > 0.0, length, 1.0)  # what does nothing here gets nothing
     columns = white[:, :-1] / length
     inverse = np.linalg.pinv(columns.T @ columns, hermitian=True)
     n = 2 * len(records)
     found = (inverse @ (columns.T @ white[:, -1]) / length)[:n].reshape(-1, 2)
     variance = (np.diag(inverse) / length**2)[:n].reshape(-1, 2).mean(axis=1)
-    return _Waves(found[:, 0], found[:, 1], np.sqrt(variance))
+    return _Waves(found[:, 0], found[:, 1], np.sqrt(np.maximum(variance, _TINY)))
 
 
 def chance_of_phases(cosines: Array, sizes: Array) -> float:
@@ -151,7 +159,7 @@ def chance_of_phases(cosines: Array, sizes: Array) -> float:
     def slope(t: float) -> float:
         return float(w @ ratio(t)) - total
 
-    far = _FAR / float(w.min())
+    far = _FAR / max(float(w.min()), _TINY)
     if slope(far) <= 0.0:
         return 0.0
     t = float(brentq(slope, 0.0, far))

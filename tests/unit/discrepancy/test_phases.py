@@ -40,6 +40,8 @@ def test_chance_is_none_where_all_are_alike_and_all_where_none_is():
     one, large = np.ones(9), np.full(9, 20.0)
     assert chance_of_phases(one, large) < 1e-9
     assert chance_of_phases(-one, large) == 1.0  # its sign is that of the motion
+    assert chance_of_phases(np.zeros(3), np.zeros(3)) == 1.0
+    assert 0.0 < chance_of_phases(np.array([1.0, 0.3, -0.2]), np.array([9.0, 0.0, 1.0])) <= 1.0
     one_curve = chance_of_phases(np.cos([0.05]), large[:1])
     assert one_curve == pytest.approx(0.05 * 2.0 / np.pi, rel=0.2)
 

@@ -26,6 +26,7 @@ from skinlab.mechanics.fem.suction import (
     solve,
 )
 from skinlab.mechanics.materials import get_law, law_names
+from skinlab.mechanics.names import plain
 
 SKIN = Skin((0.04, 1.5, 0.32))
 GEOMETRY = Geometry(6.0, 1.0)
@@ -513,3 +514,16 @@ def test_the_contracts_parameters_are_enough(name):
     effect = get_effect(name)
     values = {one: effect.typical[one] for one in CONTRACT[name].split()}
     assert effect.full(values).items() >= values.items()
+
+
+@pytest.mark.parametrize(
+    ("name", "said"),
+    [
+        ("periodic_motion.frequency_hz", ("periodic_motion frequency", "Hz")),
+        ("baseline_drift.drift_um_per_s", ("baseline_drift drift", "µm/s")),
+        ("viscoelasticity.g", ("viscoelasticity g", "")),
+    ],
+)
+def test_a_unit_is_told_once(name, said):
+    """It was `frequency_hz (Hz)`."""
+    assert plain(name) == said
