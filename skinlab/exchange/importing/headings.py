@@ -32,13 +32,13 @@ _OF_A_CURVE: dict[Constant, str] = {
     r"|series|serie)[ _-]*(no|nr|number|nummer|id|index|name)?\.?",
 }
 # First words of what names sums and means behind a table, without accents.
-_SUMMARY = frozenset(
+_SUMMARY = (
     "mean means average avg median max maximum min minimum range sd std stdev stddev stdabw "
-    "variance sum total totals subtotal count n summary mittel mittelwert durchschnitt summe gesamt "
+    "variance sum total totals subtotal count summary mittel mittelwert durchschnitt summe gesamt "
     "gesamtsumme ergebnis anzahl standardabweichung spannweite moyenne mediane somme nombre ecart "
     "etendue media promedio mediana suma maximo minimo recuento desviacion somma totale massimo "
-    "conteggio deviazione gemiddelde mediaan som totaal aantal standaarddeviatie".split()
-) | {"standard deviation", "standard error"}
+    "conteggio deviazione gemiddelde mediaan som totaal aantal standaarddeviatie"
+)
 # As a last word these are too short to be a unit without a bracket or a name that fits.
 _DOUBTFUL = frozenset({"min", "mb", "bar"})
 
@@ -91,8 +91,10 @@ def is_summary(text: str) -> bool:
     >>> is_summary("Mean:"), is_summary("Écart-type"), is_summary("0.31")
     (True, True, False)
     """
-    words = re.findall(r"[a-z]+", _plain(text))
-    return bool(words) and not _SUMMARY.isdisjoint((words[0], " ".join(words[:2])))
+    plain = _plain(text).strip()
+    first = re.match("[a-z]*", plain)
+    named = first is not None and first[0] in _SUMMARY.split()
+    return named or plain.startswith("standard deviation")
 
 
 def _agreed(unit: Unit | None, below: Unit | None, bracketed: bool) -> Unit | None:

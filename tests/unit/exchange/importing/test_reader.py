@@ -494,6 +494,8 @@ def damaged(row, replacement):
         ("hello\nworld\n", "no table found; expected rows of at least two numbers"),
         (damaged(50, "bad;50;0.15"), "line 52: t (s) is 'bad', expected a number"),
         (damaged(50, "Mean;50;0.15"), "line 52: t (s) is 'Mean', expected a number"),
+        (damaged(100, "#N/A;100;0.3"), "line 102: t (s) is '#N/A', expected a number"),
+        (damaged(100, "n/a;100;0.3"), "line 102: t (s) is 'n/a', expected a number"),
         (damaged(100, ";100;0.3"), "line 102: t (s) is '', expected a number"),
         (damaged(50, "2.5;;0.15"), "line 52: p (mbar) is '', expected a number"),
         (damaged(50, "2.5;nan;0.15"), "line 52: p (mbar) is 'nan', expected a number"),
