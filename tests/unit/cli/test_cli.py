@@ -356,10 +356,11 @@ def test_a_number_of_processes_out_of_its_range_is_bad_input(capsys, tmp_path, w
         assert status == 2 or err == f"skinlab: workers {workers}: expected 1–1024\n"
 
 
-def test_a_capture_of_nan_seconds_is_refused(tmp_path, capsys):
+@pytest.mark.parametrize("seconds", ["nan", "-1"])
+def test_a_capture_of_no_time_that_there_is_is_refused(tmp_path, capsys, seconds):
     out = tmp_path / "c.jsonl"
-    assert run(["capture", "--port", "sim://", "--seconds", "nan", "--out", str(out)]) == 3
-    assert "seconds nan" in capsys.readouterr().err
+    assert run(["capture", "--port", "sim://", "--seconds", seconds, "--out", str(out)]) == 3
+    assert f"seconds {seconds}: expected 0 or more" in capsys.readouterr().err
     assert not out.exists()
 
 
