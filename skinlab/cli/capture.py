@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -28,7 +27,7 @@ if TYPE_CHECKING:
     type=click.Choice([f"{b}{p}{s}" for b in (7, 8) for p in "NEO" for s in (1, 2)]),
     help="Data bits, parity, stop bits.",
 )
-@click.option("--seconds", type=click.FloatRange(min=0), help="End by itself [default: Ctrl-C].")
+@click.option("--seconds", type=float, help="End by itself [default: Ctrl-C].")
 @click.option("--out", required=True, type=PATH, help="The file to write.")
 def command(
     port: str,
@@ -73,8 +72,8 @@ def command(
         facts["dialect"] = describe_dialect(speaks)
     if out.exists():
         raise InputError(f"{out}: exists already; a capture is never overwritten")
-    if seconds is not None and math.isnan(seconds):
-        raise InputError("seconds nan: expected 0 or more")
+    if seconds is not None and not seconds >= 0:  # nan is not, either
+        raise InputError(f"seconds {seconds:g}: expected 0 or more")
     with cannot_write(out):
         make_folder(out.parent)
     check_can_write(out)

@@ -12,6 +12,7 @@ import click
 from skinlab.cli.options import control_option, database_option, study_option
 from skinlab.cli.output import echo, tell_left_behind
 from skinlab.cli.paths import PATH
+from skinlab.text import inert
 
 if TYPE_CHECKING:
     from skinlab.recording.session import Session
@@ -87,7 +88,7 @@ def command(
     tell_left_behind(session)
     match kind:
         case "csv" | "json":
-            paths = export(read, kind, folder)
+            paths = export(read, kind, folder, inert(session.name))
         case "fhir":
             paths = write_new(folder, {n: t.encode() for n, t in to_fhir(read).items()})
             _tell_without(session, read)
@@ -231,7 +232,7 @@ def _export_report(
     if warning is not None:
         echo(f"skinlab: {path}: {warning}", err=True)
         remarks.append(warning[:1].upper() + warning[1:] + ".")
-    report = SessionReport(session, identifier, remarks, more)
+    report = SessionReport(session, identifier, remarks, more, inert(path.name))
     try:
         check_free(folder, report.names(kind))
         hidden = not sys.stderr.isatty()

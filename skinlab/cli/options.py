@@ -13,6 +13,7 @@ from drivers.numbers import number_in
 from skinlab.cli.method_options import parsed
 from skinlab.cli.output import output_kept
 from skinlab.cli.paths import PATH
+from skinlab.errors import InputError
 
 if TYPE_CHECKING:
     from skinlab.curves.curve import Curve
@@ -247,7 +248,6 @@ def parse_phases(text: str) -> tuple[str, ...]:
         click.BadParameter: one of them does not exist.
     """
     from skinlab.api.identifiers import read_phases
-    from skinlab.errors import InputError
 
     try:
         return read_phases(text)
@@ -308,11 +308,20 @@ def workers_option(says: str = "", default: int | None = None) -> Callable[[F], 
     """`--workers`: how many processes, one for every core without a default."""
     return click.option(
         "--workers",
-        type=click.IntRange(1, _MOST_WORKERS),
+        type=click.INT,
+        callback=_check_workers,
         default=default,
         metavar="N",
         help=f"Processes{says}  [default: {default or 'one a core'}].",
     )
+
+
+def _check_workers(
+    context: click.Context, option: click.Parameter, workers: int | None
+) -> int | None:
+    if workers is not None and not 1 <= workers <= _MOST_WORKERS:
+        raise InputError(f"workers {workers}: expected 1–{_MOST_WORKERS}")  # as from Python
+    return workers
 
 
 def placement_scatter_option(
@@ -338,9 +347,9 @@ def _read_scatter(
     try:
         value = number_in(text)
     except ValueError:
-        value = -1.0
+        raise click.BadParameter(f"{text}: expected auto, or 0 to below 1") from None
     if range_missed("placement_scatter", value) is not None:
-        raise click.BadParameter(f"{text}: expected auto, or 0 to below 1")
+        raise InputError(f"placement_scatter {text}: expected auto, or 0 to below 1")
     return value
 
 

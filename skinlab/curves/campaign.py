@@ -20,8 +20,9 @@ from skinlab.io.files import named_in_errors, real_path
 from skinlab.plugins import warn
 
 _STATED: Mapping[str, tuple[str, Callable[[float], bool]]] = {
-    "noise_um": ("more than 0 and less than 1e6", lambda um: 0 < um < 1e6),
-    "pressure_noise_mbar": ("0 or more and less than 1000", lambda mbar: 0 <= mbar < 1e3),
+    # No dome is higher than the widest opening, and no command goes beyond 500 mbar.
+    "noise_um": ("more than 0 and less than 8000", lambda um: 0 < um < 8e3),
+    "pressure_noise_mbar": ("0 or more and less than 500", lambda mbar: 0 <= mbar < 500),
     "placement_scatter": ("0 to below 1", lambda share: 0 <= share < 1),
 }
 

@@ -225,7 +225,9 @@ def doubt_words(outcome: Outcome) -> list[str]:
     if outcome.trials:
         good = not _failed(outcome)
         tied = outcome.verdict.name == "ambiguous"
-        it = _name(outcome.best, set(outcome.found.base.effects)) if tied else "it"
+        own = set(outcome.found.base.effects)
+        it = "them" if _several(outcome.best, own) else "it"
+        it = _name(outcome.best, own) if tied else it
         lines.append(f"What stands behind {it}:" if good else f"{_doubted(outcome)}, because:")
         lines += [f"  {t.sentence}" for t in outcome.trials if good or not t.passed]
     lines += _open_words(outcome)
@@ -260,9 +262,11 @@ def _doubted(outcome: Outcome) -> str:
     one = outcome.doubted
     if one is None:
         return "No name is given"
-    name = _name(one, set(outcome.found.base.effects))
-    small = _failed(outcome) == {"size"}
-    return f"{name} {'is too small for a name' if small else 'seemed to be there and gets no name'}"
+    own = set(outcome.found.base.effects)
+    name, several = _name(one, own), _several(one, own)
+    if _failed(outcome) == {"size"}:
+        return f"{name} {'are' if several else 'is'} too small for a name"
+    return f"{name} seemed to be there and {'get' if several else 'gets'} no name"
 
 
 def _open_words(outcome: Outcome) -> list[str]:
@@ -278,10 +282,11 @@ def _open_words(outcome: Outcome) -> list[str]:
         ]
         if not others:
             continue
-        who = "If it is there all the same"
+        it, them, are = ("they", "them", "are") if _several(one, own) else ("it", "it", "is")
+        who = f"If {it} {are} there all the same"
         if one is not outcome.doubted:
             odds = than_none_words(one.log10_evidence)
-            who = f"{_name(one, own)} is not ruled out ({odds}). With it"
+            who = f"{_name(one, own)} {are} not ruled out ({odds}). With {them}"
         lines.append(f"{who}, other values are right: {', '.join(others)}.")
     return lines
 
@@ -296,8 +301,9 @@ def lead_words(outcome: Outcome) -> list[str]:
     odds = odds_words(best.log10_evidence - (second.log10_evidence if second else 0.0))
     own = set(outcome.found.base.effects)
     rival = explanation_words(second, own) if second else "none at all"
+    it_is = "They are" if _several(best, own) else "It is"
     return [
-        f"It is {odds} likelier than {'the next, ' if second else ''}{rival}, "
+        f"{it_is} {odds} likelier than {'the next, ' if second else ''}{rival}, "
         "if the truth is in the library."
     ]
 
@@ -550,6 +556,10 @@ def explanation_words(candidate: Candidate, own: set[str]) -> str:
 
 def _name(candidate: Candidate, own: set[str]) -> str:
     return " and ".join(e for e in candidate.effects if e not in own)
+
+
+def _several(candidate: Candidate, own: set[str]) -> bool:
+    return sum(e not in own for e in candidate.effects) > 1
 
 
 def _value(v: dict[str, float] | None) -> str:

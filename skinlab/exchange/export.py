@@ -23,8 +23,11 @@ from skinlab.text import csv_cell, inert, json_text
 SCHEMA = "skinlab.export/1"
 
 
-def to_json(session: Session) -> dict[str, str]:
-    """Return the one file: what is known of the session, its curves and their results."""
+def to_json(session: Session, file: str | None = None) -> dict[str, str]:
+    """Return the one file: what is known of the session, its curves and their results.
+
+    `file` is the session's own name, without folders; None: it is of no file.
+    """
     clocks = clock_readings(session.meta, session.records) or (None,) * len(session.curves)
     curves = [
         {
@@ -41,34 +44,40 @@ def to_json(session: Session) -> dict[str, str]:
         }
         for curve, result, clock in zip(session.curves, session.results, clocks, strict=True)
     ]
-    whole = {"schema": SCHEMA, "meta": session.meta, "curves": curves}
+    whole = {"schema": SCHEMA, "session_file": file, "meta": session.meta, "curves": curves}
     return {"session.json": json_text(whole) + "\n"}
 
 
-def to_csv(session: Session) -> dict[str, str]:
+def to_csv(session: Session, file: str | None = None) -> dict[str, str]:
     """Return a file for each curve, one with a row for each, and a campaign of them.
 
     The curves' numbers are written so that they read back as the same bits. The folder can be given
     to `identify` or `discrepancy` as a campaign of the curves that count together, and to `study`.
+    `file` is the session's own name, as of `to_json`.
     """
     files = {_file(k): _curve_csv(curve) for k, curve in enumerate(session.curves, start=1)}
-    files["curves.csv"] = _overview(session)
+    files["curves.csv"] = _overview(session, file)
     if session.curves:
         files["campaign.toml"] = _campaign(session)
     return files
 
 
-FORMATS: dict[str, Callable[[Session], dict[str, str]]] = {"csv": to_csv, "json": to_json}
+FORMATS: dict[str, Callable[[Session, str | None], dict[str, str]]] = {
+    "csv": to_csv,
+    "json": to_json,
+}
 
 
-def export(session: Session, kind: str, folder: Path) -> list[Path]:
+def export(session: Session, kind: str, folder: Path, file: str | None = None) -> list[Path]:
     """Write the files of this kind into the folder; return their paths.
+
+    They say that the session is of this `file` (None: of none).
 
     Raises:
         InputError: one of them exists already, or cannot be written.
     """
     return write_new(
-        folder, {name: text.encode("utf-8") for name, text in FORMATS[kind](session).items()}
+        folder, {name: text.encode("utf-8") for name, text in FORMATS[kind](session, file).items()}
     )
 
 
@@ -114,7 +123,7 @@ def _curve_csv(curve: Curve) -> str:
     return _csv([header, *zip(*columns, strict=True)])
 
 
-def _overview(session: Session) -> str:
+def _overview(session: Session, file: str | None) -> str:
     setup_columns = ("aperture_mm", "thickness_mm", "thickness_sd_mm", "program", "cycle", "repeat")
     results = [result or {} for result in session.results]
     found_names = [result.get("parameters") or () for result in results]
@@ -124,6 +133,7 @@ def _overview(session: Session) -> str:
         "file", "name", "samples", "partial", *setup_columns,
         *(f"{name}{end}" for name in names for end in ("", "_low", "_high")),
         "error_um", "rms_um", "flags", "not_identified", "left_out", "placement", *LABELS,
+        "session_file",
     )  # fmt: skip
     out, whose = excluded_of(session), labels_of(session)
     labels = [whose.get(name) for name in LABELS]
@@ -140,7 +150,7 @@ def _overview(session: Session) -> str:
             row += [values.get(name, {}).get(key) for key in ("value", "low", "high")]
         row += [found.get("error_um"), found.get("rms_um"), " ".join(found.get("flags") or [])]
         row += [found.get("error"), out.get(curve.name), curve.setup.placement]
-        rows.append([*row, *labels])
+        rows.append([*row, *labels, file])
     return _csv(rows)
 
 

@@ -24,14 +24,20 @@ _WORDS = (
 )
 
 
-def provenance_section(session: Session, identifier: Identifier | str) -> Section:
-    """Return versions, hashes, imported files and all other facts that the session records."""
+def provenance_section(
+    session: Session, identifier: Identifier | str, file: str | None = None
+) -> Section:
+    """Return versions, hashes, imported files and all other facts that the session records.
+
+    `file` is what it is recorded in.
+    """
     meta = session.meta
     tables = [_versions(meta.get("versions")), _hashes(session, identifier)]
     imported = meta.get("imported")
     if isinstance(imported, list):
         tables.append(Table(("imported file", "sha256", "understood"), _imported(imported)))
-    facts = [
+    facts = [] if file is None else [("file", file)]
+    facts += [
         (f"{name}: {key}", _fact(value))
         for name in ("instrument", "dialect", "identification")
         for key, value in _items(meta.get(name))

@@ -37,7 +37,8 @@ class SessionReport:
     """What can be written about a session.
 
     `identifier` is the one that it was identified with, or a sentence why that is unknown;
-    `remarks` are sentences that a reader may not overlook, `more` are sections of others' making.
+    `remarks` are sentences that a reader may not overlook, `more` are sections of others' making,
+    `file` is the session's own name, without folders.
 
     Raises:
         InputError: a stored result is damaged; once something is asked for.
@@ -47,6 +48,7 @@ class SessionReport:
     identifier: Identifier | str
     remarks: Sequence[str] = ()
     more: Sequence[Section] = ()
+    file: str | None = None
 
     @cached_property
     def curves(self) -> tuple[Measured, ...]:
@@ -132,7 +134,7 @@ class SessionReport:
                 self._overview(posterior),
                 *(curve_section(m, f) for m, f in zip(self.curves, each, strict=True)),
                 *self._methods(),
-                provenance_section(self.session, self.identifier),
+                provenance_section(self.session, self.identifier, self.file),
             ],
             subtitle=" · ".join(about),
             notices=[*self._notices(), *self.remarks],

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from drivers.numbers import number_in, whole_in
+from skinlab.curves.campaign import range_missed
 from skinlab.curves.curve import Setup
 from skinlab.curves.program import parse_program
 from skinlab.errors import InputError
@@ -50,10 +51,10 @@ def checked(facts: Mapping[str, Any], where: str) -> Facts:
         Setup(**{"aperture_mm": 6.0, "thickness_mm": 1.0, **setup})
     except InputError as error:
         raise InputError(f"{where}: {error}") from None
-    for name, what in (("noise_um", "above zero"), ("pressure_noise_mbar", "zero or more")):
-        value = found.get(name, 1.0)
-        if not (0 <= value < 1e6) or (value == 0 and name == "noise_um"):
-            raise InputError(f"{where}: {name} is {value:g}, expected {what}")
+    for name in NOISE:
+        value = found.get(name)
+        if (words := range_missed(name, value)) is not None:
+            raise InputError(f"{where}: {name} is {value:g}, expected {words}")
     return found
 
 

@@ -47,7 +47,7 @@ _EXPECTED = ", ".join(sorted(_ENDINGS))
 _HEAD_BYTES = 4096
 _MOST_BYTES = 2 << 30  # of any file: to look at more takes longer than anybody waits
 _OURS = re.compile(  # columns of exported tables that a study computes itself
-    r".*(_MPa|_low|_high|_um)|name|samples|points|partial|flags|not_identified|error|sha256"
+    r".*(_MPa|_low|_high|_um)|name|samples|points|partial|flags|not_identified|error|sha256|session_file"
 )
 
 

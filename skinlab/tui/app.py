@@ -435,7 +435,9 @@ class SkinlabApp(PartedApp):
 
     def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
         """While a field takes text, v is text."""
-        if action == "vent_key":
+        if action == "vent_probe" and self.board.playing is not None:
+            return False  # nothing to vent: the app's own key, which no screen shows, says so
+        if action in {"vent_key", "vent_probe"}:
             return not isinstance(self.focused, Input) or self.board.moving
         if action == "ports":
             return self.board.can_arm and isinstance(self.screen, MainScreen)
@@ -443,6 +445,10 @@ class SkinlabApp(PartedApp):
 
     def action_vent_key(self) -> None:
         """Vent."""
+        self.action_vent()
+
+    def action_vent_probe(self) -> None:
+        """Vent; the line of keys shows it, but in a replay."""
         self.action_vent()
 
     def action_vent(self) -> None:

@@ -94,9 +94,10 @@ def _effect_size_words(outcome: Outcome, explanation: Candidate) -> str:
         for name, value in outcome.parameters(explanation).items()
         if name.partition(".")[0] in added
     ]
-    tied = len(outcome.verdict.explanations) > 1
-    which = f", if it is {' and '.join(added)}" if tied else ""
-    return f"Its size{which}: {'; '.join(sizes)}."
+    whose = "Its size" if len(added) == 1 else "Their sizes"
+    if len(outcome.verdict.explanations) > 1:
+        whose = f"Its size, if it is {' and '.join(added)}"
+    return f"{whose}: {'; '.join(sizes)}."
 
 
 def next_lines(outcome: Outcome) -> list[str]:

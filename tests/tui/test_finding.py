@@ -491,6 +491,8 @@ async def test_a_replay_says_of_no_vent_where_no_probe_is(bedside):
     async with bedside(None, replay=example_session(), speed=0.01) as bed:
         await bed.until(lambda: bed.board.live)
         assert verdict_text(bed.board).following == "Space pauses"
+        await bed.until(lambda: "Faster" in bed.screenshot())
+        assert "Vent" not in bed.screenshot()
         await bed.press("v")
         await bed.until(lambda: "nothing is vented" in bed.board.note)
         await bed.press("q")

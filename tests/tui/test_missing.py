@@ -372,6 +372,15 @@ def test_the_size_is_of_what_is_missing_and_of_whom_is_said(with_model):
     )
     assert alone.startswith("Its size: deflection_offset")
     assert "natural_tension" not in alone
+    both = of_effects(with_model.best, "natural_tension", "deflection_offset", "pressure_lag")
+    sizes = {**next(iter(with_model.posteriors.values())).parameters, **LAG}
+    two = replace(
+        with_model,
+        verdict=Verdict("named", [both]),
+        posteriors={both.effects: SimpleNamespace(parameters=sizes)},
+    )
+    (their,) = (line for line in verdict_lines(two) if "sizes: " in line)
+    assert their.startswith("Their sizes: ")
 
 
 def test_the_values_of_the_models_own_effects_are_shown(with_model):

@@ -11,6 +11,7 @@ from drivers.numbers import number_in, whole_in
 from skinlab.acquisition.measurement_request import complaint
 from skinlab.acquisition.protocol import condition_complaint
 from skinlab.cli.main import cli, run
+from skinlab.curves.campaign import read_campaign
 from skinlab.curves.csv import read_curve
 from skinlab.curves.curve import Setup
 from skinlab.curves.program import parse_program
@@ -73,9 +74,32 @@ def test_files_and_programs_do_not_take_it(tmp_path):
     for name in ("noise_um", "cycle"):
         with pytest.raises(InputError, match=f"{name} is '1_0', expected a"):
             checked({name: "1_0"}, "P1")
-    with pytest.raises(InputError, match="P1: noise_um is 0, expected above zero"):
+    with pytest.raises(InputError, match="P1: noise_um is 0, expected more than 0 and less than"):
         checked({"noise_um": 0}, "P1")  # as campaign.toml refuses it: it was "not stated"
     assert checked({"pressure_noise_mbar": 0}, "P1") == {"pressure_noise_mbar": 0.0}
+
+
+@pytest.mark.parametrize(
+    ("name", "most", "expected"),
+    [
+        ("noise_um", 8e3, "more than 0 and less than 8000"),
+        ("pressure_noise_mbar", 500, "0 or more and less than 500"),
+    ],
+)
+def test_no_file_states_a_noise_that_is_larger_than_what_is_measured(
+    name, most, expected, tmp_path
+):
+    """A table could state 900,000 mbar, and was told of 2,000,000 that zero or more is expected."""
+    assert checked({name: 0.99 * most}, "P1") == {name: 0.99 * most}
+    with pytest.raises(InputError, match=f"^P1: {name} is {most:g}, expected {expected}$"):
+        checked({name: most}, "P1")
+    campaign = tmp_path / "campaign.toml"
+    campaign.write_text(
+        f'[campaign]\n{name} = {most:.1f}\n[[curve]]\nfile = "c.csv"\n'
+        "aperture_mm = 6.0\nthickness_mm = 1.0\n"
+    )
+    with pytest.raises(InputError, match=f"campaign.{name} is {most:.1f}, expected {expected}$"):
+        read_campaign(campaign)
 
 
 @pytest.mark.parametrize("field", ["aperture_mm", "thickness_mm", "rest_s", "cycle", "repeats"])

@@ -31,6 +31,14 @@ _OF_A_CURVE: dict[Constant, str] = {
     r"|run|trial|versuch|essai|recording|aufnahme|repeat|placement|site|subject|patient|proband"
     r"|series|serie)[ _-]*(no|nr|number|nummer|id|index|name)?\.?",
 }
+# First words of what names sums and means behind a table, without accents.
+_SUMMARY = (
+    "mean means average avg median max maximum min minimum range sd std stdev stddev stdabw "
+    "variance sum total totals subtotal count summary mittel mittelwert durchschnitt summe gesamt "
+    "gesamtsumme ergebnis anzahl standardabweichung spannweite moyenne mediane somme nombre ecart "
+    "etendue media promedio mediana suma maximo minimo recuento desviacion somma totale massimo "
+    "conteggio deviazione gemiddelde mediaan som totaal aantal standaarddeviatie"
+)
 # As a last word these are too short to be a unit without a bracket or a name that fits.
 _DOUBTFUL = frozenset({"min", "mb", "bar"})
 
@@ -75,6 +83,18 @@ def read_heading(text: str, unit_text: str = "") -> Heading:
         return Heading(text, None if unit is None or doubtful else unit.role, unit)
     # A name and a unit that contradict each other leave the unit open.
     return Heading(text, named, unit if unit is not None and unit.role == named else None)
+
+
+def is_summary(text: str) -> bool:
+    """Return whether this names a sum or a mean, as a line behind a table has it.
+
+    >>> is_summary("Mean:"), is_summary("Écart-type"), is_summary("0.31")
+    (True, True, False)
+    """
+    plain = _plain(text).strip()
+    first = re.match("[a-z]*", plain)
+    named = first is not None and first[0] in _SUMMARY.split()
+    return named or plain.startswith("standard deviation")
 
 
 def _agreed(unit: Unit | None, below: Unit | None, bracketed: bool) -> Unit | None:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from skinlab.errors import InputError
 from skinlab.exchange.importing.clock import is_clock
-from skinlab.exchange.importing.headings import Heading, read_heading
+from skinlab.exchange.importing.headings import Heading, is_summary, read_heading
 from skinlab.exchange.importing.units import find_unit
 
 Cell = str | float  # a float comes from a spreadsheet
@@ -125,7 +125,7 @@ def survey(lines: Sequence[Line], decimal: str) -> Draft | None:
     if count < _FEWEST_ROWS:
         return None
     fits = [len(v) > core[-1][0] and all(v[k] == kind for k, kind in core) for v in kinds]
-    edges = np.flatnonzero(np.diff([0, *fits, 0]))
+    edges = np.flatnonzero(np.diff([0, *_without_summary(lines, fits), 0]))
     runs = tuple((int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True))
     above = (lines[0 if k == 0 else runs[k - 1][1] : begin] for k, (begin, _) in enumerate(runs))
     heads = (_header(part, width) for part in above)
@@ -138,6 +138,21 @@ def survey(lines: Sequence[Line], decimal: str) -> Draft | None:
         decimal, width, core, runs, chosen, header, units, used, roles,
         second=lines[runs[named[1][0]][0]].number if len(named) > 1 else None,
     )  # fmt: skip
+
+
+def _without_summary(lines: Sequence[Line], fits: Sequence[bool]) -> list[bool]:
+    """Return which lines are rows, less sums and means behind the last of these."""
+    rows = list(fits)
+    for k in reversed(np.flatnonzero(fits)):
+        if not _is_summary(lines[k]):
+            return rows
+        rows[k] = False
+    return list(fits)  # each row is a mean, of repeats
+
+
+def _is_summary(line: Line) -> bool:
+    first = next((cell for cell in line.cells if str(cell).strip()), "")
+    return isinstance(first, str) and is_summary(first)
 
 
 def _header(
@@ -242,7 +257,9 @@ def _thousands(cells: Sequence[Cell]) -> int | None:
 
 
 def _meant_as_row(line: Line, draft: Draft) -> bool:
-    """Whether a line behind the rows looks like a damaged row rather than a remark."""
+    """Whether a line behind the rows looks like a damaged row rather than a remark or a sum."""
+    if _is_summary(line):
+        return False
     first = str(line.cells[0]).strip()[:1]
     numbers = sum(
         k < len(line.cells) and _kind(line.cells[k], draft.decimal) == kind

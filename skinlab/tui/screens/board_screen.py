@@ -28,7 +28,7 @@ class BoardScreen(ClosingScreen[None]):
     SAYS: ClassVar[str]
     AUTO_FOCUS = ""
     BINDINGS: ClassVar[list[BindingType]] = [
-        Binding("v", "app.vent_key", "Vent", priority=True, id="vent"),
+        Binding("v", "app.vent_probe", "Vent", priority=True, id="vent"),
         Binding("pageup", "page(-1)", show=False, priority=True),
         Binding("pagedown", "page(1)", show=False, priority=True),
     ]

@@ -54,7 +54,7 @@ class MainScreen(Screen[None]):
 
     AUTO_FOCUS = ""
     BINDINGS: ClassVar[list[BindingType]] = [
-        Binding("v", "app.vent_key", "Vent", priority=True, id="vent"),
+        Binding("v", "app.vent_probe", "Vent", priority=True, id="vent"),
         # No word contains these two, so that nothing that is typed can start anything
         Binding(CHECK_KEY, "want('check')", "Check", key_display="F8", priority=True, id="check"),
         Binding(

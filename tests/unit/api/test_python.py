@@ -453,7 +453,7 @@ def test_several_curves_answer_together(curve):
 @pytest.mark.parametrize(
     ("stated", "sentence"),
     [
-        ({"noise_um": -3.0}, "noise_um -3.0: expected more than 0 and less than 1e6, or None"),
+        ({"noise_um": -3.0}, "noise_um -3.0: expected more than 0 and less than 8000, or None"),
         ({"noise_um": float("nan")}, "noise_um nan: expected more than 0"),
         ({"pressure_noise_mbar": "0.2"}, "pressure_noise_mbar '0.2': expected 0 or more"),
         ({"placement_scatter": 2.0}, "placement_scatter 2.0: expected 0 to below 1, or None"),

@@ -343,10 +343,24 @@ def all_commands():
         yield from (getattr(command, "commands", None) or {name: command}).values()
 
 
-def test_a_capture_of_nan_seconds_is_refused(tmp_path, capsys):
+@pytest.mark.parametrize(("workers", "status"), [("0", 3), ("-1", 3), ("1025", 3), ("two", 2)])
+def test_a_number_of_processes_out_of_its_range_is_bad_input(capsys, tmp_path, workers, status):
+    """It was wrong usage, where `--samples 0` and `--repeats 0` are bad input."""
+    curve = ("curve.csv", "--aperture-mm", "6", "--thickness-mm", "1")
+    for command in (
+        ("identify", *curve), ("discrepancy", "campaign.toml"), ("paper",), ("database", "build"),
+        ("study", tmp_path, "--out", tmp_path / "out"),
+    ):  # fmt: skip
+        found, out, err = call(capsys, *command, "--workers", workers)
+        assert (found, out) == (status, "")
+        assert status == 2 or err == f"skinlab: workers {workers}: expected 1–1024\n"
+
+
+@pytest.mark.parametrize("seconds", ["nan", "-1"])
+def test_a_capture_of_no_time_that_there_is_is_refused(tmp_path, capsys, seconds):
     out = tmp_path / "c.jsonl"
-    assert run(["capture", "--port", "sim://", "--seconds", "nan", "--out", str(out)]) == 3
-    assert "seconds nan" in capsys.readouterr().err
+    assert run(["capture", "--port", "sim://", "--seconds", seconds, "--out", str(out)]) == 3
+    assert f"seconds {seconds}: expected 0 or more" in capsys.readouterr().err
     assert not out.exists()
 
 

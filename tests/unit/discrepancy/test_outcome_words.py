@@ -19,6 +19,7 @@ from skinlab.discrepancy.text import (
     _parameter_lines,
     doubt_words,
     gap_words,
+    lead_words,
     learned_words,
     partial_words,
     verdict_words,
@@ -158,6 +159,21 @@ def test_what_is_there_and_small_is_not_said_to_be_absent():
         f"{ZERO} seemed to be there and gets no name, because:",
         "  about again",
     )
+
+
+def test_of_several_effects_it_speaks_as_of_several():
+    both = ("contact_preload", ZERO)
+    _, (small, _, if_there) = doubted("size", base_p=0.5, effects=both)
+    assert small == f"contact_preload and {ZERO} are too small for a name, because:"
+    assert if_there.startswith("If they are there all the same, other values are right: ")
+    _, (why, *_) = doubted("again", base_p=0.5, effects=both)
+    assert why == f"contact_preload and {ZERO} seemed to be there and get no name, because:"
+    best, second = candidate(both, 6.0), candidate([ZERO], 4.0)
+    found = Found(candidate([]), {}, [best, second])
+    named = SimpleNamespace(verdict=Verdict("named", [best]), best=best, found=found)
+    assert lead_words(named)[0].startswith("They are 100 times likelier than the next, ")
+    named.best, named.found = second, Found(candidate([]), {}, [second])
+    assert lead_words(named)[0].startswith("It is 10,000 times likelier than none at all, ")
 
 
 @pytest.mark.parametrize(

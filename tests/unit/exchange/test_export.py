@@ -31,6 +31,7 @@ from skinlab.recording.session import (
 )
 from skinlab.recording.stream import setup_from_json
 from skinlab.studies.compute import curves_and_noise
+from skinlab.studies.sources import Plan, Source, find_sources
 
 NUMBERS = ("time_s", "pressure_mbar", "deflection_mm")
 
@@ -111,6 +112,27 @@ def test_json_reads_back_to_the_same_bits(session, tmp_path):
         np.testing.assert_array_equal(again.phase, curve.phase)
         assert entry["phase"] == curve.phase.tolist()
         assert entry["result"] == result
+
+
+def test_every_export_says_which_file_it_is_of(session, tmp_path):
+    """Of a folder of exports nobody could tell which visit was which."""
+    visit = tmp_path / "people" / "P-1 visit 2.h5"
+    visit.parent.mkdir()
+    write_session(visit, session)
+
+    def exported(kind):
+        done = CliRunner().invoke(cli, ["export", str(visit), "--to", kind, str(tmp_path / kind)])
+        assert done.exit_code == 0, done.output
+        return tmp_path / kind
+
+    document = json.loads((exported("json") / "session.json").read_text(encoding="utf-8"))
+    assert document["session_file"] == "P-1 visit 2.h5"
+    with (exported("csv") / "curves.csv").open(newline="", encoding="utf-8") as file:
+        assert [row["session_file"] for row in csv.DictReader(file)] == ["P-1 visit 2.h5"] * 2
+    listed = [s for s in find_sources(Plan((tmp_path / "csv",))) if isinstance(s, Source)]
+    assert [one.facts["subject"] for one in listed] == ["P-1", "P-1"]
+    assert not any("session_file" in one.facts for one in listed)  # it is no label of a study
+    assert "P-1 visit 2.h5" in (exported("html") / "report.html").read_text(encoding="utf-8")
 
 
 @pytest.mark.parametrize("kind", FORMATS)

@@ -442,7 +442,8 @@ def test_the_command_writes_what_it_says_and_nothing_over_anything(few, tmp_path
     (name,) = capsys.readouterr().out.splitlines()
     page = (out / "report.html").read_bytes()
     assert name == str(out / "report.html")
-    assert page == SessionReport(read_session(path), _identifier(path)).files("html")["report.html"]
+    report = SessionReport(read_session(path), _identifier(path), file=path.name)
+    assert page == report.files("html")["report.html"]
     (out / "curve_0001_time.svg").write_text("mine")
     for kind, standing in (("html", "report.html"), ("svg", "curve_0001_time.svg")):
         before = sorted((p.name, p.read_bytes()) for p in out.iterdir())

@@ -351,6 +351,30 @@ def test_a_cell_at_the_end_of_a_sheet_is_none_of_the_table():
     check_ramp(read(data.getvalue()))
 
 
+MEANS = [["Mean", 50.0, 150.0], ["SD", 29.2, 87.5], ["Écart-type", 29.2, 87.5]]
+SUMS = [["Sum", 252.5, 5050.0, 15150.0], ["Anzahl:", 101, 101, 101]]
+
+
+@pytest.mark.parametrize(
+    ("column", "behind"), [([], MEANS), ([None], SUMS), ([None], [[], ["Summary"], *SUMS])]
+)
+def test_sums_and_means_behind_the_table_are_no_samples(column, behind):
+    """Means were a damaged row; a sum beside a column of labels was a sample of 5050 mbar."""
+    head = [*(["Label"] if column else []), *TABLE[2]]
+    table = [head, *([*column, *row] for row in CELLS), *behind]
+    imported = read(workbook(("Curve 1", table)))
+    check_ramp(imported)
+    lines = sum(bool(row) for row in behind)
+    assert f"other lines not used: 0 before, {lines} after" in imported.understood
+    text = "\n".join(";".join("" if c is None else str(c) for c in row) for row in table)
+    check_ramp(read(text))
+
+
+def test_rows_that_are_means_themselves_are_samples():
+    head = ["Statistic", *TABLE[2]]
+    check_ramp(read(workbook(("Curve 1", [head, *(["mean", *row] for row in CELLS)]))))
+
+
 @pytest.mark.parametrize("shift", [0, 2])
 def test_a_workbook(shift):
     imported = read(workbook(("notes", [["hello"]]), ("Curve 1", TABLE), shift=shift))
@@ -469,6 +493,10 @@ def damaged(row, replacement):
         (b"\xd0\xcf\x11\xe0" + bytes(600), "an old Excel file (.xls); expected .xlsx or text"),
         ("hello\nworld\n", "no table found; expected rows of at least two numbers"),
         (damaged(50, "bad;50;0.15"), "line 52: t (s) is 'bad', expected a number"),
+        (damaged(50, "Mean;50;0.15"), "line 52: t (s) is 'Mean', expected a number"),
+        (damaged(100, "#N/A;100;0.3"), "line 102: t (s) is '#N/A', expected a number"),
+        (damaged(100, "n/a;100;0.3"), "line 102: t (s) is 'n/a', expected a number"),
+        (damaged(100, ";100;0.3"), "line 102: t (s) is '', expected a number"),
         (damaged(50, "2.5;;0.15"), "line 52: p (mbar) is '', expected a number"),
         (damaged(50, "2.5;nan;0.15"), "line 52: p (mbar) is 'nan', expected a number"),
         (damaged(50, "2.5;5,0;0.15"), "(decimal sign: a point)"),
