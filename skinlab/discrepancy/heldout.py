@@ -65,6 +65,11 @@ class HeldOut:
     files: tuple[str, ...]  # empty where there is one condition only: then of the fit itself
     plain_um: float
 
+    @property
+    def as_expected(self) -> bool:
+        """Whether what was left out is predicted no worse than a perfect model would: no gap."""
+        return bool(self.files) and self.rms_um <= self.expected_um
+
 
 def conditions_of(fitter: Fitter, fits: Sequence[Fit]) -> list[Part]:
     """Return what is held out, in turn: whole conditions.

@@ -9,7 +9,7 @@ from hidden_effects import RAMPS, SKIN, TRUE, fitter_of, learned, measured
 
 from skinlab.curves.pressure_path import PressurePath
 from skinlab.curves.program import parse_program
-from skinlab.discrepancy import heldout, pair_search
+from skinlab.discrepancy import heldout, pair_search, workflow
 from skinlab.discrepancy import search as search_module
 from skinlab.discrepancy.adequacy import Residual, judge, look
 from skinlab.discrepancy.campaign_errors import CampaignErrors, Linearised
@@ -324,6 +324,29 @@ def test_what_nothing_explains_and_predicts_as_expected_may_be_chance(
     assert may_be_chance(found, kinds, left) is chance
     assert not may_be_chance(replace(found, implausible="too large"), kinds, left)
     assert not may_be_chance(found, kinds, replace(left, files=()))  # nothing was left out
+
+
+@pytest.mark.parametrize(
+    ("gap_um", "files", "asked"),
+    [(2.99, ("a.csv",), False), (3.05, ("a.csv",), True), (2.99, (), True)],
+)
+def test_without_a_gap_no_function_is_asked_for(monkeypatch, gap_um, files, asked):
+    """Where meshes differ beyond a crease, a pressure channel was bent: by 3.6 mbar, 10⁶ : 1."""
+    base = candidate((), 0.0, 0.08)
+    found = Found(base, {}, [], [])
+    left = HeldOut(gap_um, 2.9, 3.0, files, gap_um)
+    tried = workflow._Tried(Verdict("none", []), found, None, None, left, {})
+    families = []
+
+    def find_families(search, found, least):
+        families.append(least)
+        return found
+
+    monkeypatch.setattr(workflow, "find_families", find_families)
+    search = SimpleNamespace(errors=None)
+    told, _ = workflow._or_a_kind(search, tried, found, lambda _: None)
+    assert told is tried
+    assert families == [NAMES.unasked] * asked
 
 
 @pytest.mark.parametrize(
