@@ -341,7 +341,7 @@ class TestCommand:
         ("arguments", "status", "says"),
         [
             (["--seed", "-1"], 3, "seed -1"),
-            (["--workers", "0"], 2, "0 is not in the range 1<=x<=1024"),
+            (["--workers", "0"], 3, "workers 0: expected 1–1024"),
             (["--out", "/dev/null/x"], 3, "/dev/null/x"),
             (["--seed", "x"], 2, "not a valid integer"),
         ],
