@@ -57,7 +57,7 @@ class Record:
     table_errors: SeenErrors | None = None  # of its opening, along suctions; None: not known
     bend_mm: Array | float = 0.0  # (n,) of its placement, beyond slopes: see `placement_curves`
     off_path_mm: Array | float = 0.0  # (n,) what noise off the path does: see `Fitter.on_paths`
-    first_s: float | None = None  # time of the curve's first sample, where that is no longer here
+    first_s: float | None = None  # when the curve as recorded began; None: with what is here
 
     @property
     def name(self) -> str:
