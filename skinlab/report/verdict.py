@@ -90,7 +90,9 @@ def judge(
     if spoilt := [f for f in against if f.gate in _SPOILT]:
         return Verdict(Use.NOT, spoilt[0].sentence, Step.ADVICE, spoilt[0].advice)
     if partial or cut is not None:  # what else is wrong, such as too few points, follows from it
-        because = {"host": "vented from here"}.get(cut or "", cut)  # the instrument's word for us
+        # The instrument's word for us, and ours for who gave up an instrument that is only read
+        known = {"host": "vented from here", "operator": "given up by the operator"}
+        because = known.get(cut or "", cut)
         why = f"it was cut short{'' if not because else f' ({because})'}"
         return Verdict(Use.REPEAT, why, Step.MEASURE_AGAIN)
     if against:

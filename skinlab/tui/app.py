@@ -21,6 +21,7 @@ from textual.screen import ModalScreen
 from textual.widgets import Input
 
 from drivers.errors import DriverError
+from drivers.events import Sample
 from drivers.link import PortInfo, list_ports
 from skinlab.acquisition.messages import (
     Adopted,
@@ -40,9 +41,10 @@ from skinlab.errors import SkinlabError
 from skinlab.io.log import log_exception
 from skinlab.recording.journal import all_left_behind
 from skinlab.recording.session import example_session
-from skinlab.recording.stream import Identified, Sampled
+from skinlab.recording.stream import Happened, Identified, Sampled
+from skinlab.recording.stream import Message as StreamMessage
 from skinlab.tui.choices import choices_for
-from skinlab.tui.commands import COMMANDS
+from skinlab.tui.commands import commands_for
 from skinlab.tui.inert import InertText
 from skinlab.tui.missing_keys import MissingKeys
 from skinlab.tui.no_color import StyledFirst
@@ -435,9 +437,10 @@ class SkinlabApp(PartedApp):
 
     def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
         """While a field takes text, v is text."""
-        if action == "vent_probe" and self.board.playing is not None:
-            return False  # nothing to vent: the app's own key, which no screen shows, says so
-        if action in {"vent_key", "vent_probe"}:
+        shown = {"vent_probe": not self.board.read_only, "give_up_probe": self.board.read_only}
+        if action in shown and (self.board.playing is not None or not shown[action]):
+            return False  # in a replay the app's own key, which no screen shows, says why
+        if action in {"vent_key", *shown}:
             return not isinstance(self.focused, Input) or self.board.moving
         if action == "ports":
             return self.board.can_arm and isinstance(self.screen, MainScreen)
@@ -451,11 +454,17 @@ class SkinlabApp(PartedApp):
         """Vent; the line of keys shows it, but in a replay."""
         self.action_vent()
 
+    def action_give_up_probe(self) -> None:
+        """Do the same where the instrument is only read; the line of keys shows it."""
+        self.action_vent()
+
     def action_vent(self) -> None:
         """Vent at once; close what is open over the main screen, and leave the fields."""
         self.bench.vent("operator")
         if self.board.playing is not None:
             self.board.say(Level.INFO, "a replay: no probe is connected, and nothing is vented")
+        elif self.board.moving and self.board.read_only:
+            self.board.say(Level.WARNING, "given up here; end the suction at the instrument")
         elif self.board.moving:
             self.board.say(Level.WARNING, "vent ordered")
         self._starting.forget()
@@ -518,7 +527,8 @@ class SkinlabApp(PartedApp):
                 self.board.answer(Level.INFO, "that means nothing at this moment")
 
         listed = [Command(name, f"here: {c.words}", c.key) for name, c in here.items()]
-        self.push_screen(PaletteScreen(self.board, (*listed, *COMMANDS)), chosen)
+        offered = (*listed, *commands_for(self.board))
+        self.push_screen(PaletteScreen(self.board, offered), chosen)
 
     def _commands_here(self) -> dict[str, Command]:
         """Return what the keys of the present screen only look at or ask for, by a name."""
@@ -562,6 +572,8 @@ class SkinlabApp(PartedApp):
         what = f"The probe vents, {saved}the program ends."
         if self.board.playing is not None:
             what = "The program ends."
+        elif self.board.read_only:
+            what = f"The instrument is not vented from here; {saved}the program ends."
         question = ConfirmScreen(self.board, self.guard, "Quit?", what)
         self.push_screen(question, self._may_leave)
 
@@ -698,4 +710,9 @@ def _shown(key: str) -> str:
 
 
 def _only_samples(news: News | Aimed) -> bool:
-    return isinstance(news, Heard) and all(isinstance(m, Sampled) for m in news.messages)
+    return isinstance(news, Heard) and all(map(_is_sample, news.messages))
+
+
+def _is_sample(message: StreamMessage) -> bool:
+    of_no_curve = isinstance(message, Happened) and isinstance(message.event, Sample)
+    return of_no_curve or isinstance(message, Sampled)

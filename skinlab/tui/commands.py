@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from skinlab.tui.screens.palette import Command
+from skinlab.tui.ui_state import Board
 
 COMMANDS = (
     Command("app.help", "Help: all keys", "?"),
@@ -23,3 +26,21 @@ COMMANDS = (
     Command("app.vent", "Vent", "v"),
     Command("app.leave", "Quit", "q"),
 )
+
+_VENT = "app.vent"
+_OF_A_PROBE = frozenset({
+    _VENT, "app.ports", "settings",
+    *(f"want('{what}')" for what in ("goal", "next", "pick", "placed", "protocol", "rested")),
+})  # fmt: skip
+
+
+def commands_for(board: Board) -> tuple[Command, ...]:
+    """Return those that mean something here: a replay has no probe, and measures nothing."""
+    if board.playing is not None:
+        return tuple(command for command in COMMANDS if command.action not in _OF_A_PROBE)
+    if board.read_only:
+        return tuple(
+            replace(command, words="Give the curve up") if command.action == _VENT else command
+            for command in COMMANDS
+        )
+    return COMMANDS

@@ -80,6 +80,8 @@ def suction_text(board: Board) -> str:
         return "SUCTION: end it at the instrument"
     if board.suction:
         return "SUCTION: v vents" if board.streaming else "SUCTION? v vents"
+    if board.read_only and board.latest is None:  # some send nothing before they are started
+        return "no reading yet"
     return "suction off" if board.hello is not None else "no probe"
 
 

@@ -15,6 +15,7 @@ from drivers.events import (
     Damaged,
     Event,
     Hello,
+    HostVented,
     InstrumentState,
     LinkLost,
     Sample,
@@ -240,9 +241,16 @@ class Board:
         return (
             self.instrument in {_S.RUNNING, _S.VENTING}
             or (self.doing == "starting" and not self.read_only)
+            or self._pulls_by_itself
             or self.doing == SEARCHING
             or self.alarm is not None
         )
+
+    @property
+    def _pulls_by_itself(self) -> bool:
+        """Whether an instrument that is only read pulls, in a curve or not."""
+        sample = self.latest
+        return self.read_only and sample is not None and sample.pressure_mbar >= SUCTION_MBAR
 
     @property
     def simulated(self) -> bool:
@@ -714,6 +722,11 @@ class Board:
                 # The line of the verdict says it, for as long as it holds
                 note = f"curve {index}: {finding.sentence}; {finding.advice}"
                 self.told.append((note, Level.WARNING))
+            case Happened(Sample() as sample):
+                if self.read_only:  # before its first curve: it streams whatever is done here
+                    self.latest, self.latest_at = sample, at
+                    if self.visit is not None:
+                        self._load(0, sample)
             case Happened(event):
                 self._happened(event)
 
@@ -751,6 +764,8 @@ class Board:
             case _:
                 pass
         note = event_note(event)
+        if isinstance(event, HostVented) and self.read_only:
+            note = "warning", "a vent was asked for, and may not work: watch the pressure"
         if note is not None:
             self.say(Level(note[0]), note[1])
 

@@ -2,14 +2,92 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
+from shown import AT, HELLO, NoProbe
 from streaming_instrument import AT_REST, TEXT, Wire, ramp
 
+from drivers.events import HostVented, InstrumentState, Sample, State
 from drivers.line_dialect import line_dialect
 from drivers.probe import Probe
+from skinlab.acquisition.messages import Connected, Heard
 from skinlab.acquisition.replay import differences, identifier_of, replay
 from skinlab.recording.session import read_session
-from skinlab.recording.stream import Identified
+from skinlab.recording.stream import Happened, Identified
+from skinlab.report.verdict import judge
+from skinlab.tui.app import SkinlabApp
+from skinlab.tui.commands import commands_for
+from skinlab.tui.screens.alarm import AlarmScreen
+from skinlab.tui.shown import Playing
+from skinlab.tui.text import suction_text
+from skinlab.tui.ui_state import Board
+
+READ_ONLY = replace(HELLO, simulated=False, read_only=True)
+
+
+def connected(hello=READ_ONLY):
+    board = Board("COM99")
+    board.see(Connected("COM99", hello))
+    return board
+
+
+def hear(board, *events):
+    board.see(Heard(tuple(map(Happened, events)), AT))
+
+
+# ---- what is said of suction that nothing here can end ----------------------------------------
+
+
+def test_suction_is_shown_before_the_first_curve_and_behind_one():
+    board = connected()
+    assert suction_text(board) == "no reading yet"
+    hear(board, Sample(0, 0.0, 0.2, 0.0, 0))
+    assert suction_text(board) == "suction off"
+    hear(board, State(InstrumentState.IDLE, "given up"), Sample(1, 0.1, 60.0, 0.4, 0))
+    assert suction_text(board) == "SUCTION: end it at the instrument"
+    assert board.latest.pressure_mbar == 60.0
+    assert board.latest_at == AT
+
+
+def test_a_vent_command_that_may_not_work_is_not_called_vented():
+    board = connected()
+    hear(board, HostVented("operator"))
+    assert board.note == "a vent was asked for, and may not work: watch the pressure"
+
+
+def test_who_gave_the_curve_up_is_said():
+    assert "given up by the operator" in judge(None, [], "operator", partial=True).words
+
+
+def test_the_palette_offers_what_there_is():
+    board = connected(HELLO)
+    assert ("v", "Vent") in [(c.key, c.words) for c in commands_for(board)]
+    assert ("v", "Give the curve up") in [(c.key, c.words) for c in commands_for(connected())]
+    board.playing = Playing()
+    keys = {command.key for command in commands_for(board)}
+    assert "s" in keys
+    assert not keys & {"v", "F2", "F3", "F4", "F6", "F7", "Ins", "g", "p"}
+
+
+async def test_no_screen_promises_a_vent(tmp_path):
+    app = SkinlabApp("COM99", tmp_path, NoProbe)
+    async with app.run_test(size=(80, 24)) as pilot:
+        app.post(Connected("COM99", READ_ONLY))
+        app.post(Heard((Happened(Sample(0, 0.0, 60.0, 0.4, 0)),), AT))
+        await pilot.pause()
+        vents = [a.binding for k, a in app.screen.active_bindings.items() if k == "v"]
+        assert [binding.description for binding in vents] == ["Give up"]
+        suction = app.screen.query_one("#suction")
+        assert suction.content_size.width >= len("SUCTION: end it at the instrument")
+        await pilot.press("q")
+        await pilot.pause()
+        assert "is not vented from here" in str(app.screen.query_one("#question-text").render())
+    alarm = AlarmScreen(app.board, app.guard, "too much")
+    assert [words for words, _ in alarm._keys] == ["F9 acknowledges"]
+
+
+# ---- a curve ----------------------------------------------------------------------------------
 
 
 @pytest.mark.long

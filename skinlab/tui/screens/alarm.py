@@ -18,11 +18,13 @@ class AlarmScreen(AskingScreen):
     BINDINGS: ClassVar[list[BindingType]] = [
         Binding(CONFIRM_KEY, "answer_yes", "Acknowledge", priority=True, id="confirm"),
     ]
-    _keys = (("v vents again", "v"), ("F9 acknowledges", "f9"))
+    _keys: tuple[tuple[str, str], ...] = (("v vents again", "v"), ("F9 acknowledges", "f9"))
     _box = "alarm"
 
     def __init__(self, board: Board, guard: TypingGuard, text: str) -> None:
         super().__init__(board, guard, "ALARM: LIFT THE PROBE", text)
+        if board.read_only:  # v gives the curve up, which ends no suction
+            self._keys = self._keys[1:]
 
     def on_mount(self) -> None:
         """Be heard as well."""

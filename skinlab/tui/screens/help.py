@@ -37,6 +37,9 @@ w  t      messages again; other colours
 q Ctrl+Q  asks, then vents, saves, quits (Ctrl+C vents first)
 """
 
+_VENTS = "vent: open the valve now, and stop"
+_GIVES_UP = "give the curve up; end the suction at the instrument"
+
 _TEXT = """\
 Letters, Enter and Space only look, or vent. Suction needs F8 and then F9, with what will happen \
 in view; where something was typed within a second before, F9 is asked for again. F8 means "no" \
@@ -93,5 +96,6 @@ class HelpScreen(OverScreen[None]):
                 lines = ["On the screen that you came from, now:"]
                 lines += [f"{key:<10} {what}" for key, what in self._here]
                 yield Static("\n".join([*lines, ""]), id="help-here", markup=False)
-            yield Static(_KEYS, markup=False)
+            keys = _KEYS.replace(_VENTS, _GIVES_UP) if self._board.read_only else _KEYS
+            yield Static(keys, markup=False)
             yield Static(_TEXT, markup=False)

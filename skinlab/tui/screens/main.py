@@ -55,6 +55,7 @@ class MainScreen(Screen[None]):
     AUTO_FOCUS = ""
     BINDINGS: ClassVar[list[BindingType]] = [
         Binding("v", "app.vent_probe", "Vent", priority=True, id="vent"),
+        Binding("v", "app.give_up_probe", "Give up", priority=True, id="vent"),
         # No word contains these two, so that nothing that is typed can start anything
         Binding(CHECK_KEY, "want('check')", "Check", key_display="F8", priority=True, id="check"),
         Binding(
@@ -189,7 +190,13 @@ class MainScreen(Screen[None]):
         self.query_one(Fields).know(board.hello)
         self.query_one(Intervals).show(board)
         self.query_one(Curves).show(board)
-        keys = (board.can_arm, board.review is None, board.playing is not None, bool(board.entries))
+        keys = (
+            board.can_arm,
+            board.review is None,
+            board.playing is not None,
+            bool(board.entries),
+            board.read_only,
+        )
         if keys != self._keys:
             self._keys = keys
             self.refresh_bindings()

@@ -37,7 +37,8 @@ class Top(Vertical):
 
     def on_click(self, event: events.Click) -> None:
         """Vent where the line says that something vents."""
-        if event.widget is self.query_one("#suction") and self._board.suction:
+        vents = self._board.suction and not self._board.read_only
+        if event.widget is self.query_one("#suction") and vents:
             event.stop()
             self.app.simulate_key("escape")
 
@@ -63,6 +64,7 @@ class Top(Vertical):
         self.query_one("#phase").set_classes(_CLASSES.get(phase, ""))
         self.query_one("#suction", Static).update(suction, layout=False)
         self.query_one("#suction").set_class(board.suction, "-on")
+        self.query_one("#suction").set_class(board.suction and board.read_only, "-by-hand")
         self.query_one("#where", Static).update(where, layout=False)
         line = self.query_one("#banner", Static)
         line.display = bool(banner)
