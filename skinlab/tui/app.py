@@ -71,7 +71,7 @@ from skinlab.tui.shown import Aimed, Playing
 from skinlab.tui.starting import Starting
 from skinlab.tui.themes import ORDER, OWN, WORDS, next_theme
 from skinlab.tui.typing_guard import TypingGuard, is_typing
-from skinlab.tui.ui_state import Board, Level
+from skinlab.tui.ui_state import SEARCHING, Board, Level
 from skinlab.tui.widgets.fields import Fields
 from skinlab.tui.widgets.reading import Reading
 
@@ -182,6 +182,7 @@ class SkinlabApp(PartedApp):
         self.failure: Exception | None = None  # a bug that ended the app
         self._leaving = False
         self._begun = False
+        self._crash_left = ""  # said once more when a probe is connected
         self._ahead: deque[events.Key] = deque()  # typed before the main screen was there
         self._clock = clock
         self._protocol_steps = ProtocolSteps(self)
@@ -210,9 +211,9 @@ class SkinlabApp(PartedApp):
         self._begun = True
         self.main.begin()
         self._tick()
-        for journal in all_left_behind(self.folder):
-            why = f"{journal.name} was left by a crash: skinlab recover makes a session of it"
-            self.board.say(Level.WARNING, why)
+        self._crash_left = _left_by_a_crash(self.folder)
+        if self._crash_left:
+            self.board.say(Level.WARNING, self._crash_left)
         self.set_interval(_TICK_S, self._tick)
         self.set_interval(_REPAINT_S, self._see_again)
         if self._ask:
@@ -338,6 +339,10 @@ class SkinlabApp(PartedApp):
             return  # the app ends: there is nothing left to draw on
         match news:
             case Connected():
+                if self._crash_left and self.board.playing is None:
+                    # Again: to connect had covered it
+                    self.board.remind(Level.WARNING, self._crash_left)
+                    self._crash_left = ""
                 self._starting.connected(news)
             case Recording():
                 self._protocol_steps.record()
@@ -463,6 +468,8 @@ class SkinlabApp(PartedApp):
         self.bench.vent("operator")
         if self.board.playing is not None:
             self.board.say(Level.INFO, "a replay: no probe is connected, and nothing is vented")
+        elif self.board.doing == SEARCHING:
+            self.board.say(Level.WARNING, "no link, so no vent arrives: lift the probe")
         elif self.board.moving and self.board.read_only:
             self.board.say(Level.WARNING, "given up here; end the suction at the instrument")
         elif self.board.moving:
@@ -707,6 +714,17 @@ def _shown(key: str) -> str:
     elif len(last) > 1 or held:
         last = last[0].upper() + last[1:].replace("_", " ")
     return "+".join([*map(str.capitalize, held), last])
+
+
+def _left_by_a_crash(folder: Path) -> str:
+    """Return what to do about the journals that crashes left in a folder; empty: there are none."""
+    journals = [journal.name for journal in all_left_behind(folder)]
+    if not journals:
+        return ""
+    if len(journals) == 1:
+        return f"{journals[0]} was left by a crash: skinlab recover makes a session of it"
+    named = f"{', '.join(journals[:-1])} and {journals[-1]}"
+    return f"{named} were left by crashes: skinlab recover makes a session of each"
 
 
 def _only_samples(news: News | Aimed) -> bool:

@@ -78,6 +78,8 @@ def suction_text(board: Board) -> str:
         return "no suction"
     if board.suction and board.read_only:
         return "SUCTION: end it at the instrument"
+    if board.suction and board.doing == SEARCHING:  # nothing that is sent arrives
+        return "SUCTION? no link"
     if board.suction:
         return "SUCTION: v vents" if board.streaming else "SUCTION? v vents"
     if board.read_only and board.latest is None:  # some send nothing before they are started

@@ -492,6 +492,12 @@ class Board:
         else:
             self.told.append((note, level))
 
+    def remind(self, level: Level, note: str) -> None:
+        """Say once more what was covered too soon, unless something worse is being said."""
+        if _RANK[level] >= _RANK[self.level]:
+            self.note, self.level, self.aside = note, level, ""
+            self.version += 1
+
     def ask(self, text: str) -> None:
         """Say what is to be answered."""
         self.answer(Level.INFO, text)

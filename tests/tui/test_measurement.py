@@ -240,6 +240,8 @@ async def test_a_journal_that_a_crash_left_is_told_of_at_the_start(bedside, tmp_
         await bed.connected()
         told = [note for note, _ in bed.board.told]
         assert any("2026-01-01-1.h5.journal" in n and "skinlab recover" in n for n in told)
+        # It stays in view: "connecting" had covered it before anybody could read it
+        assert "2026-01-01-1.h5.journal was left by a crash" in bed.board.note
 
 
 @pytest.mark.long

@@ -40,7 +40,7 @@ from skinlab.tui.plot_data import (
     thin,
 )
 from skinlab.tui.shown import Entry
-from skinlab.tui.text import state_text
+from skinlab.tui.text import state_text, suction_text
 from skinlab.tui.ui_state import Board, Level
 from skinlab.tui.value_text import digits, flag_words, interval_text
 
@@ -228,7 +228,7 @@ def running_board():
     return board
 
 
-def test_while_the_link_is_lost_v_vents_in_fields_too_and_the_line_begins_with_it():
+def test_while_the_link_is_lost_v_is_no_text_and_no_vent_is_promised():
     """The top said "SUCTION? v vents", and v was text for the field that had the focus."""
     board = running_board()
     sample = Sample(0, 0.0, 1.0, 0.1, 0)
@@ -238,6 +238,7 @@ def test_while_the_link_is_lost_v_vents_in_fields_too_and_the_line_begins_with_i
     assert board.suction
     assert board.moving
     assert state_text(board).startswith("LINK LOST")
+    assert suction_text(board) == "SUCTION? no link"
 
 
 def test_under_an_alarm_and_a_fault_the_next_step_is_theirs():
