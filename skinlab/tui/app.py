@@ -579,6 +579,8 @@ class SkinlabApp(PartedApp):
         what = f"The probe vents, {saved}the program ends."
         if self.board.playing is not None:
             what = "The program ends."
+        elif self.board.out_of_reach:
+            what = f"No probe is connected; {saved}the program ends."
         elif self.board.read_only:
             what = f"The instrument is not vented from here; {saved}the program ends."
         question = ConfirmScreen(self.board, self.guard, "Quit?", what)

@@ -59,7 +59,7 @@ def verdict_text(board: Board) -> VerdictText:
     """Return what stands above everything else on the main screen."""
     live, entry = board.live, board.entry
     if board.alarm is not None:  # no advice on the next curve until somebody has seen to it
-        again = "" if board.read_only else "v vents again, "
+        again = "" if board.read_only or board.out_of_reach else "v vents again, "
         return VerdictText("Alarm: lift the probe", f"{again}F9 acknowledges")
     if board.review is not None:
         return VerdictText("Read what will happen", "F9 starts it, Esc leaves it")

@@ -78,7 +78,7 @@ def suction_text(board: Board) -> str:
         return "no suction"
     if board.suction and board.read_only:
         return "SUCTION: end it at the instrument"
-    if board.suction and board.doing == SEARCHING:  # nothing that is sent arrives
+    if board.suction and board.out_of_reach:
         return "SUCTION? no link"
     if board.suction:
         return "SUCTION: v vents" if board.streaming else "SUCTION? v vents"

@@ -203,6 +203,11 @@ class Board:
         return self.hello is not None and self.hello.read_only
 
     @property
+    def out_of_reach(self) -> bool:
+        """Whether nothing that is sent arrives: there is no probe, or the link to it is lost."""
+        return self.hello is None or self.doing == SEARCHING
+
+    @property
     def phase(self) -> str:
         """One word for the header."""
         if self.playing is not None and self.doing != "closing":

@@ -239,6 +239,10 @@ def test_while_the_link_is_lost_v_is_no_text_and_no_vent_is_promised():
     assert board.moving
     assert state_text(board).startswith("LINK LOST")
     assert suction_text(board) == "SUCTION? no link"
+    board.see(Heard((Happened(Alarm("lift it")),)))
+    assert verdict_text(board).following == "F9 acknowledges"
+    board.see(Disconnected("p"))
+    assert suction_text(board) == "SUCTION? no link"
 
 
 def test_under_an_alarm_and_a_fault_the_next_step_is_theirs():

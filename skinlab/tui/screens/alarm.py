@@ -23,7 +23,7 @@ class AlarmScreen(AskingScreen):
 
     def __init__(self, board: Board, guard: TypingGuard, text: str) -> None:
         super().__init__(board, guard, "ALARM: LIFT THE PROBE", text)
-        if board.read_only:  # v gives the curve up, which ends no suction
+        if board.read_only or board.out_of_reach:  # v ends no suction
             self._keys = self._keys[1:]
 
     def on_mount(self) -> None:
