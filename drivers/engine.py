@@ -153,6 +153,11 @@ class Engine:
         return self._watchdog.alarm
 
     @property
+    def recording_error(self) -> str | None:
+        """Why bytes are not recorded any more, or None; nothing is started over this link then."""
+        return self._tap_error
+
+    @property
     def lost_at(self) -> float | None:
         """When the link was lost, or None if it was not."""
         return self._lost_at
@@ -407,7 +412,7 @@ class Engine:
             self._on_bytes(direction, now, data)
         except Exception as error:  # noqa: BLE001 -- it is the caller's code; vent and say so
             self._on_bytes = None
-            self._tap_error = f"recording the bytes failed: {error!r}"
+            self._tap_error = f"recording the bytes failed: {str(error) or repr(error)}"
             self._vent(self._tap_error, now)
 
     # ---- when it goes wrong ------------------------------------------------------------

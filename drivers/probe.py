@@ -150,6 +150,12 @@ class Probe:
         return None if engine is None else engine.alarm
 
     @property
+    def recording_error(self) -> str | None:
+        """Why bytes are not recorded any more; nothing is started before it is open anew."""
+        engine = self._seen
+        return None if engine is None else engine.recording_error
+
+    @property
     def dose(self) -> Dose:
         """Suction that the site has had: of all samples so far, and of what was carried over."""
         return self._watchdog.dose

@@ -125,6 +125,12 @@ class ProbeSession:
         return self._vents
 
     @property
+    def recording_failed(self) -> bool:
+        """Whether this connection records nothing any more: only another one starts anything."""
+        probe = self._probe
+        return probe is not None and probe.recording_error is not None
+
+    @property
     def recorded_with(self) -> Identifier | None:
         """What the curves of the open session are identified with; None: there is none."""
         visit = self._visit
@@ -242,8 +248,8 @@ class ProbeSession:
             hello = probe.open()
             self._runner = runner
             if closes == self._closes:  # else it was closed before it was open
-                self._keep = False
                 goes_on = self._take_up(port, probe, source, hello)
+                self._keep = False  # else it could not be recorded, and waits for the next one
                 known = self._calibration
                 standing = None if known is None else known.standing(self._now())
                 self._post(Connected(port, hello, goes_on=goes_on, probe=standing))

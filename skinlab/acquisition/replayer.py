@@ -69,6 +69,11 @@ class Replayer:
         """How often a vent was asked for."""
         return self._vents
 
+    @property
+    def recording_failed(self) -> bool:
+        """Nothing is recorded."""
+        return False
+
     def again(self, ahead_s: float | None = None) -> None:
         """Be ready to play from the beginning, whose first `ahead_s` are not waited for.
 

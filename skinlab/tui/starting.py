@@ -130,7 +130,7 @@ class Starting(Part):
             port = with_opening(order.port, order.setup.aperture_mm)
             self.fields.put("port", port)
             self._reconnect(port, replace(order, port=port))
-        elif self.anew and board.visit is not None:
+        elif (self.anew and board.visit is not None) or self.bench.recording_failed:
             self._reconnect(order.port, order)
         else:
             self._show(order)

@@ -298,14 +298,18 @@ def test_with_room_again_the_session_goes_on_with_the_next_connection(room, tmp_
     full.set()
     room.until(lambda: room.messages(CurveCompleted))
     room.until(lambda: room.messages(Identified))  # of what there was of the curve
+    assert room.session.recording_failed
     with pytest.raises(InputError, match="make room: the next record tries again"):
         room.session.audit("note", text="not kept")
     room.session.leave()
     room.thread.join(PATIENCE_S)
+    with pytest.raises(InputError, match="disk is full"):
+        room.session.serve(PORT)  # too early: the session waits on
     full.clear()
     room.news.clear()
     room.connect()
     assert room.of(Connected)[0].goes_on
+    assert not room.session.recording_failed
     measure(room, order())
     room.close()
     assert room.error is None

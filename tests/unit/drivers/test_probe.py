@@ -260,7 +260,8 @@ def test_a_recorder_that_fails_vents_and_is_reported(make_bench):
     bench = make_bench(on_bytes=full_disk)
     run(bench, HOLD)
     vented = bench.until(is_a(HostVented))
-    assert "disk full" in vented.reason
+    assert vented.reason == "recording the bytes failed: disk full"  # and no class of Python's
+    assert bench.probe.recording_error == vented.reason
     bench.until(is_a(VentConfirmed))
     with pytest.raises(LocalProtocolError, match="disk full"):
         bench.probe.arm()
