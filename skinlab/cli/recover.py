@@ -44,5 +44,6 @@ def command(journal: Path, out: Path | None) -> int:
     if len(skipped) > _MOST_SAID:
         more = len(skipped) - _MOST_SAID
         echo(f"skinlab: {journal}: {more} more of this kind", err=True)
-    echo(f"{out}: {counted(len(made.curves), 'curve')} recovered; {journal} can be deleted")
+    then = f"keep {journal}: it is damaged" if skipped else f"{journal} can be deleted"
+    echo(f"{out}: {counted(len(made.curves), 'curve')} recovered; {then}")
     return 0

@@ -28,6 +28,7 @@ from skinlab.io.files import cannot_read, make_folder, private
 from skinlab.io.sqlite import check_only_tables
 from skinlab.recording import audit
 from skinlab.recording.records import Kind, Record
+from skinlab.recording.wal import readable
 
 if sys.platform != "win32":
     import fcntl
@@ -424,10 +425,11 @@ class Read:
     skipped: list[str]
 
 
-def read_journal(path: Path) -> Read:
-    """Return the facts and records of a journal, one that a crash left included.
+def read_journal(path: Path, *, left: bool = False) -> Read:
+    """Return the facts and records of a journal; `left` by a crash, so that nobody writes to it.
 
-    A damaged record costs itself; facts that are damaged are taken from the audit trail.
+    Then a log that is damaged is read to its end, which takes too long while a probe is served. A
+    damaged record costs itself; facts that are damaged are taken from the audit trail.
 
     Raises:
         InputError: no such file, or no journal.
@@ -438,17 +440,17 @@ def read_journal(path: Path) -> Read:
         raise InputError(f"{path}: no such file")
     skipped: list[str] = []
     behind = path.with_name(f"{path.name}-wal")  # where all is until sqlite moves it over
+    alone = not behind.is_file()  # as it was found: SQLite makes one
     size_bytes = sum(part.stat().st_size for part in (path, behind) if part.is_file())
     try:
-        with contextlib.closing(sqlite3.connect(path)) as db:
+        whole = readable(path, skipped) if left else contextlib.nullcontext(path)
+        with whole as file, contextlib.closing(sqlite3.connect(file)) as db:
             db.text_factory = bytes
             db.execute("PRAGMA writable_schema=ON")  # else a file that was cut off is not read
             check_only_tables(db)
             tables = {name for (name,) in db.execute("SELECT name FROM sqlite_master")}
             if not tables:
-                raise InputError(
-                    f"{path}: is empty: the measurement was killed before anything was recorded"
-                )
+                raise InputError(f"{path}: is empty: {_why_empty(path, behind, alone=alone)}")
             if not tables >= {b"meta", b"record"}:
                 raise InputError(f"{path}: not a journal that skinlab wrote (its tables)")
             meta = _meta(db, skipped)
@@ -456,7 +458,7 @@ def read_journal(path: Path) -> Read:
             if schema != SCHEMA:
                 raise InputError(f"{path}: schema {schema!r}; expected {SCHEMA!r}")
             records = _records(db, size_bytes, skipped)
-            skipped += [] if skipped else _damage(db)
+            skipped += _damage(db) if not skipped or file != path else []
     except InputError:
         raise
     except sqlite3.OperationalError as error:
@@ -471,6 +473,15 @@ def read_journal(path: Path) -> Read:
         if opened.what == "session opened":
             meta = opened.detail | meta
     return Read(meta, records, skipped)
+
+
+def _why_empty(path: Path, behind: Path, *, alone: bool) -> str:
+    if alone and path.stat().st_size:
+        return (
+            f"what was recorded is in {behind.name}; expected it beside this file, unless the "
+            "measurement was killed before anything was recorded"
+        )
+    return "the measurement was killed before anything was recorded"
 
 
 def _meta(db: sqlite3.Connection, skipped: list[str]) -> dict[str, Any]:

@@ -253,7 +253,7 @@ def recover(
     Raises:
         InputError: no journal, the session cannot be written, or another one is there.
     """
-    read = read_journal(journal)
+    read = read_journal(journal, left=True)
     meta, records, skipped = read.meta, read.records, read.skipped
     before = None
     if session.exists():
