@@ -44,7 +44,7 @@ def open_hdf5(path: Path) -> Iterator[Any]:
     except PermissionError:
         raise InputError(f"{path}: no permission to read it") from None
     except OSError as error:
-        what = "truncated" if "truncated" in str(error) else "not readable"
+        what = "truncated, and not readable" if "truncated" in str(error) else "not readable"
         raise InputError(f"{path}: {what} as HDF5; expected a file that skinlab wrote") from None
     except (
         ArithmeticError,

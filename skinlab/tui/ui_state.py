@@ -98,6 +98,7 @@ class Level(StrEnum):
 _RANK = {Level.INFO: 0, Level.WARNING: 1, Level.ERROR: 2}
 _LASTS_S = {Level.INFO: 12.0, Level.WARNING: 45.0, Level.ERROR: 120.0}  # on the screen
 _ASIDE_S = 4.0  # the answer to a key that does nothing
+_STREAM_S = 1.0  # without a reading: nothing streams; far above a sample interval
 _MOST_TOLD = 200  # messages that can be read again
 _BREAK = timedelta(hours=4)  # on another day: no visit goes on after it
 _BUSY_S = 0.3  # what takes longer is named
@@ -132,6 +133,7 @@ class Board:
         self.live: Live | None = None
         self.latest: Sample | None = None  # the final vent included
         self.latest_at: datetime | None = None
+        self._sampled_s = -math.inf  # when it came, by the clock of `tick`
         self.begun_at: datetime | None = None  # the visit, in local time
         self.entries: dict[int, Entry] = {}
         self._simulated = False
@@ -236,7 +238,9 @@ class Board:
         if self.playing is not None:
             return self.live is not None and not self.playing.ended
         running = self.instrument in {_S.RUNNING, _S.VENTING}
-        return self.hello is not None and (running or self.read_only)
+        # Behind a valve that is stuck the pressure goes on to be read
+        stuck = self.instrument is _S.FAULT and self._now_s - self._sampled_s < _STREAM_S
+        return self.hello is not None and (running or stuck or self.read_only)
 
     @property
     def suction(self) -> bool:
@@ -467,7 +471,7 @@ class Board:
 
     def tick(self, now_s: float) -> None:
         """Let time pass, to `now_s` by a clock that never goes back: messages end, rests run."""
-        drawn = (self.busy, self.rest_left_s)
+        drawn = (self.busy, self.rest_left_s, self.streaming)
         self._now_s = now_s
         self._busy = {what: now_s if s is None else s for what, s in self._busy.items()}
         note, level, since_s = self._noted
@@ -481,7 +485,7 @@ class Board:
         elif self._aside_s is not None and now_s - self._aside_s > _ASIDE_S:
             self.aside, self._aside_s = "", None
             self.version += 1
-        if drawn != (self.busy, self.rest_left_s):
+        if drawn != (self.busy, self.rest_left_s, self.streaming):
             self.version += 1
 
     def compute(self, what: str) -> None:
@@ -695,6 +699,7 @@ class Board:
                 self.begun_at = self.begun_at or at
             case Sampled(index, sample):
                 self.latest, self.latest_at, self._read_any = sample, at, True
+                self._sampled_s = self._now_s
                 self._load(index, sample)
                 if self.live is not None and self.live.index == index:
                     self.live.last = sample

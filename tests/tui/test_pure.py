@@ -255,6 +255,19 @@ def test_under_an_alarm_and_a_fault_the_next_step_is_theirs():
     assert verdict_text(board) == VerdictText("The instrument has a fault", "F8 clears it")
 
 
+def test_behind_a_stuck_valve_readings_are_of_now_for_as_long_as_they_come():
+    """ "last:" stood before them, which means that nothing is read."""
+    board = running_board()
+    board.tick(10.0)
+    board.see(Heard((Happened(State(InstrumentState.FAULT, "")),)))
+    board.see(Heard((Sampled(1, Sample(0, 0.0, 47.6, 0.1, 0)),)))
+    assert board.streaming
+    seen = board.version
+    board.tick(12.0)
+    assert not board.streaming
+    assert board.version > seen  # drawn, though nothing came
+
+
 def test_the_card_names_no_key_that_means_nothing_now():
     board = Board("p")
     assert "F8" in card_text(board, 40).lines[0]
