@@ -69,7 +69,8 @@ def verdict_text(board: Board) -> VerdictText:
         if board.playing is not None:  # there is nothing to end
             how = "Space pauses"
         if against is not None:
-            return VerdictText(against.words, f"{against.advice}; {how}", against.use)
+            # How to end it first: the advice is longer than a narrow line
+            return VerdictText(against.words, f"{how}; {against.advice}", against.use)
         return VerdictText(f"Measuring curve {live.index} …", how)
     left_s = board.rest_left_s
     if left_s is not None:

@@ -18,8 +18,16 @@ from skinlab.curves.program import parse_program
 from skinlab.errors import InputError
 from skinlab.inference.error_judgement import ErrorModelSummary
 from skinlab.inference.result import Identification, Value
+from skinlab.quality.gates.base import Finding
 from skinlab.recording.recorder import new_session_path
-from skinlab.recording.stream import CurveCompleted, CurveStarted, Happened, Identified, Sampled
+from skinlab.recording.stream import (
+    CurveCompleted,
+    CurveStarted,
+    Flagged,
+    Happened,
+    Identified,
+    Sampled,
+)
 from skinlab.report.rounding import interval_words
 from skinlab.studies.reference import Range
 from skinlab.tui.card_text import (
@@ -266,6 +274,14 @@ def test_behind_a_stuck_valve_readings_are_of_now_for_as_long_as_they_come():
     board.tick(12.0)
     assert not board.streaming
     assert board.version > seen  # drawn, though nothing came
+
+
+def test_how_to_end_it_comes_before_the_advice():
+    """At 80 columns it was cut off behind the advice on a sensor."""
+    board = running_board()
+    finding = Finding("frozen", "it stands still", "switch the probe off and on " * 4)
+    board.see(Heard((Flagged(1, finding),)))
+    assert verdict_text(board).following.startswith("v vents; switch")
 
 
 def test_the_card_names_no_key_that_means_nothing_now():
