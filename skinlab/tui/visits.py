@@ -42,7 +42,8 @@ def when(row: VisitRow) -> str:
 def cells(row: VisitRow) -> tuple[str, ...]:
     """Return the cells of a visit, in the order of `TITLES`."""
     if row.problem:
-        return ("", "", "", "", "", row.problem, row.file)
+        _, of_file, why = row.problem.rpartition(f"{row.file}: ")  # the folder is in the title
+        return ("", "", "", "", "", f"{of_file}{why}", row.file)
     first = next(iter(of_law([row.parameters])), "")
     value = row.parameters.get(first)
     words = "" if value is None else interval_words(Value(*value))

@@ -34,7 +34,7 @@ from skinlab.tui.screens.session import SessionScreen
 from skinlab.tui.screens.visits import VisitsScreen
 from skinlab.tui.text import TIMELINE
 from skinlab.tui.themes import ORDER
-from skinlab.tui.visits import at_control, found, series, trend_lines, when
+from skinlab.tui.visits import at_control, cells, found, series, trend_lines, when
 from skinlab.tui.widgets.hints import KeyHint
 
 # ---- visits ----------------------------------------
@@ -52,6 +52,8 @@ def test_the_index_is_a_cache_that_may_be_deleted(folder):
     first = visits(folder)
     assert [v.file for v in first][-1] == "bad.h5"
     assert first[-1].problem
+    why = cells(first[-1])[5]  # without the folder, which left no room for the reason
+    assert why.startswith(f"{first[-1].file}: ")
     assert first[0].subject == "SIM-1"
     assert first[0].simulated
     assert {"X1_MPa", "X2_MPa"} <= first[0].parameters.keys()
