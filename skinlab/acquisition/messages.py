@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from drivers.dose import Dose
 from drivers.events import Hello
 from skinlab.acquisition.measurement_messages import Phase, Plan
 from skinlab.recording.stream import Message
@@ -33,6 +34,7 @@ class Recording:
     """The session of this connection has a file from here on."""
 
     path: Path
+    before: Dose = field(default_factory=Dose)  # of the site, by sessions on disk too
 
 
 @dataclass(frozen=True, slots=True, eq=False)

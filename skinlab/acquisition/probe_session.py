@@ -389,7 +389,8 @@ class ProbeSession:
         runner.source.journal = recording.journal
         # By the sessions on disk, or by what was seen here: whichever says more
         doses = (recording.carry_dose(simulated=simulated), self._doses.get(self._whose, Dose()))
-        probe.carry_dose(max(doses, key=lambda dose: dose.suction_mbar_s))
+        before = max(doses, key=lambda dose: dose.suction_mbar_s)
+        probe.carry_dose(before)
         self._visit = Visit(
             recording,
             identifier,
@@ -399,7 +400,7 @@ class ProbeSession:
             simulated=simulated,
             dialect=describe_dialect(probe.dialect),
         )
-        self._post(Recording(path))
+        self._post(Recording(path, before))
 
     def _save(self, visit: Visit) -> None:
         """Write the session as it is by now; the journal goes on."""

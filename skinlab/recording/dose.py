@@ -2,17 +2,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Mapping
+from contextlib import suppress
 from datetime import UTC, datetime
 from pathlib import Path
+from typing import Any
 
 from drivers.dose import Dose, DoseMeter
 from drivers.events import Sample
 from skinlab.errors import InputError
+from skinlab.io.documents import read_json_object
+from skinlab.io.hdf5 import open_hdf5
 from skinlab.recording.audit import entries
 from skinlab.recording.clocks import clock_readings
 from skinlab.recording.session import Session, read_session
 
 VISIT_S = 12 * 3600.0  # what was measured earlier belongs to another visit
+_UNREADABLE = (InputError, OSError, KeyError, TypeError, ValueError)
 
 
 def dose_of(session: Session) -> Dose:
@@ -58,18 +64,45 @@ def dose_before(
     total, names = Dose(), list[str]()
     if not subject or not site or not folder.is_dir():
         return total, names
-    for path in sorted(folder.glob("*.h5")):
-        try:
-            if now_utc_s - path.stat().st_mtime > VISIT_S:  # it was begun before it was written
-                continue
+    for path in _recent(folder, now_utc_s):
+        with suppress(*_UNREADABLE):
             session = read_session(path)
-            begun = datetime.fromisoformat(str(session.meta["created_utc"]))
-            age_s = now_utc_s - begun.replace(tzinfo=begun.tzinfo or UTC).timestamp()
-            of = (session.meta.get("subject"), session.meta.get("site"))
-            kind = bool(session.meta["instrument"]["simulated"])
-        except (InputError, OSError, KeyError, TypeError, ValueError):
-            continue
-        if of == (subject, site) and kind == simulated and 0 <= age_s <= VISIT_S:
-            total += dose_of(session)
-            names.append(path.name)
+            if _belongs(session.meta, (subject, site), now_utc_s, simulated=simulated):
+                total += dose_of(session)
+                names.append(path.name)
     return total, names
+
+
+def loaded_before(
+    folder: Path, subject: str, site: str, now_utc_s: float, *, simulated: bool
+) -> list[str]:
+    """Return the names of the sessions of which `dose_before` would count the dose.
+
+    Only their facts are read, and no seal is checked: quick enough for a key.
+    """
+    names = list[str]()
+    if not subject or not site or not folder.is_dir():
+        return names
+    for path in _recent(folder, now_utc_s):
+        with suppress(*_UNREADABLE), open_hdf5(path) as file:
+            meta = read_json_object(file.attrs["meta"])
+            if _belongs(meta, (subject, site), now_utc_s, simulated=simulated):
+                names.append(path.name)
+    return names
+
+
+def _recent(folder: Path, now_utc_s: float) -> Iterator[Path]:
+    for path in sorted(folder.glob("*.h5")):
+        with suppress(OSError):
+            if now_utc_s - path.stat().st_mtime <= VISIT_S:  # it was begun before it was written
+                yield path
+
+
+def _belongs(
+    meta: Mapping[str, Any], whose: tuple[str, str], now_utc_s: float, *, simulated: bool
+) -> bool:
+    begun = datetime.fromisoformat(str(meta["created_utc"]))
+    age_s = now_utc_s - begun.replace(tzinfo=begun.tzinfo or UTC).timestamp()
+    of = (meta.get("subject"), meta.get("site"))
+    kind = bool(meta["instrument"]["simulated"])
+    return of == whose and kind == simulated and 0 <= age_s <= VISIT_S

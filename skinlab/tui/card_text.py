@@ -181,7 +181,7 @@ def card_text(board: Board, columns: int) -> CardText:
             placed=review.placed,
         )
         lines += [f"protocol {clause}" for clause in review.protocol]
-        notes = [*review.otherwise, *filter(None, (review.unanswered,))]
+        notes = [*review.otherwise, *filter(None, (review.before, review.unanswered))]
         lines += [f"{'NOTE':<8} {clause}" for clause in notes]
         return CardText(REVIEW_TITLE, (*lines, *model))
     if live is not None:

@@ -95,6 +95,7 @@ class Review:
     asked: Order | None = None  # as the fields have it
     unanswered: str | None = None  # why there will be no whole answer
     placed: str = ""  # whether the probe was put on anew since the curve before
+    before: str = ""  # that the site had suction before this program was started
 
 
 @dataclass(frozen=True, slots=True)

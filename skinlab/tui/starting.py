@@ -14,6 +14,7 @@ from skinlab.acquisition.measurement_request import Order, check_limits, read_or
 from skinlab.acquisition.messages import Connected
 from skinlab.acquisition.settings import remember
 from skinlab.errors import InputError
+from skinlab.recording.dose import loaded_before
 from skinlab.tui.part import Part, PartedApp
 from skinlab.tui.protocol_check import against_protocol
 from skinlab.tui.protocol_steps import ProtocolSteps
@@ -173,11 +174,27 @@ class Starting(Part):
             asked,
             self.bench.analysis.complaint(order.setup),
             placed,
+            "" if left is not None else self._loaded_before(order),
         )
         self.main.set_focus(None)
         self.app.guard.hidden()
         self.board.propose(review)
         self.main.draw()
+
+    def _loaded_before(self, order: Order) -> str:
+        """Return a clause where a first loading is none, by sessions of before the start."""
+        board = self.board
+        if order.setup.cycle != 1 or board.next_cycle != 1:
+            return ""  # it is stated, or counted
+        names = loaded_before(
+            self.app.folder,
+            *order.visit,
+            self._now().timestamp(),
+            simulated=board.simulated,
+        )
+        if not names:
+            return ""
+        return f"suction here in the last 12 h ({names[-1]}): unless it has rested, set Cycle"
 
     def confirm(self) -> None:
         """Arm and start what was shown, if it was read and nobody types."""

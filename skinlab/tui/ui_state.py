@@ -565,8 +565,10 @@ class Board:
             case Heard(messages, at):
                 for message in messages:
                     self._hear(message, at)
-            case Recording(path):
+            case Recording(path, before):
                 self.path = path
+                if before.suction_mbar_s > self.dose.suction_mbar_s:  # from before the start
+                    self._doses[self.visit, self.simulated] = DoseMeter(before)
                 if self.who[0]:  # what was stated for nobody yet was for this one
                     early = self._stated.pop("", {})
                     self._stated.setdefault(self.who[0], early)

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import shutil
 from datetime import datetime, timedelta
 
 import numpy as np
@@ -7,8 +8,9 @@ import pytest
 
 from drivers.events import InstrumentState
 from skinlab.acquisition.replay import differences, identifier_of, replay
-from skinlab.recording.session import read_session
+from skinlab.recording.session import example_session, read_session
 from skinlab.recording.stream import Identified
+from skinlab.tui.card_text import card_text
 from skinlab.tui.ui_state import Board
 from skinlab.tui.widgets.curve_plot import CurvePlot
 from skinlab.tui.widgets.curves import Curves
@@ -242,6 +244,24 @@ async def test_a_journal_that_a_crash_left_is_told_of_at_the_start(bedside, tmp_
         assert any("2026-01-01-1.h5.journal" in n and "skinlab recover" in n for n in told)
         # It stays in view: "connecting" had covered it before anybody could read it
         assert "2026-01-01-1.h5.journal was left by a crash" in bed.board.note
+
+
+@pytest.mark.parametrize(("later_h", "noted"), [(1.0, True), (13.0, False)])
+async def test_a_site_that_was_loaded_before_the_start_is_told_of(
+    bedside, tmp_path, later_h, noted
+):
+    """After a crash the summary said "loading 1 of this site", as for one that has rested."""
+    meta = read_session(example_session()).meta
+    shutil.copy(example_session(), tmp_path / "morning.h5")
+    begun = datetime.fromisoformat(meta["created_utc"])
+    now = (begun + timedelta(hours=later_h)).astimezone().replace(tzinfo=None)
+    async with bedside(now=lambda: now) as bed:
+        await bed.connected()
+        await bed.fill("subject", meta["subject"])
+        await bed.fill("site", meta["site"])
+        await bed.check()
+        assert ("morning.h5" in bed.board.review.before) is noted
+        assert any("NOTE" in line for line in card_text(bed.board, 80).lines) is noted
 
 
 @pytest.mark.long

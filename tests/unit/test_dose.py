@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from datetime import datetime
+from pathlib import Path
 
 import pytest
 
@@ -11,12 +12,13 @@ from drivers.dose import Dose
 from drivers.line_dialect import line_dialect
 from drivers.stream import follow_mark
 from skinlab.acquisition.messages import Heard
+from skinlab.acquisition.messages import Recording as RecordingNews
 from skinlab.acquisition.pipeline import Pipeline
 from skinlab.cli.main import run as skinlab
 from skinlab.curves.curve import Setup
 from skinlab.inference.identify import Identifier
 from skinlab.recording.audit import entries
-from skinlab.recording.dose import dose_before, dose_of
+from skinlab.recording.dose import dose_before, dose_of, loaded_before
 from skinlab.recording.recorded_items import dialect_facts, recorded_items
 from skinlab.recording.recorder import Recording
 from skinlab.recording.records import Kind, Record
@@ -166,3 +168,14 @@ def test_what_belongs_to_one_visit(visit, subject, site, later_h, simulated, cou
     now_s = begun.timestamp() + 3600 * later_h
     found, names = dose_before(visit, subject, site, now_s, simulated=simulated)
     assert (found.suction_mbar_s > 100) == (names == ["a.h5"]) == counts
+    assert loaded_before(visit, subject, site, now_s, simulated=simulated) == names
+
+
+def test_the_screen_goes_on_from_what_the_site_had_before_the_program_was_started():
+    """It began at 0, while the limit counted all of it."""
+    board = Board(PORT)
+    board.visit = ("P-7", "forearm")
+    board.see(RecordingNews(Path("s.h5"), Dose(39.0, 2.0)))
+    assert board.dose == Dose(39.0, 2.0)
+    board.see(RecordingNews(Path("s.h5"), Dose(10.0, 1.0)))  # what was seen here says more
+    assert board.dose == Dose(39.0, 2.0)
