@@ -225,7 +225,7 @@ class ProbeSession:
         """Connect, and pass on all that comes until the connection is over.
 
         A session that was left open goes on, unless `anew`. It is finished with the connection,
-        unless that was left for another one.
+        unless that was left for another one, or its link was lost for good.
 
         Raises:
             DriverError: no probe answered at this port; a session that was left open waits on.
@@ -334,6 +334,7 @@ class ProbeSession:
                 if runner is None or runner.phase is not Phase.ARMING:  # else it was replaced
                     self._post(Over(failed, left))
             case Gone(why):
+                self._keep = True  # the visit is not over: decisions are kept, and a probe may come
                 self._post(Failed("searching", why))
             case Refused(why):
                 self._post(Failed("measuring", why))

@@ -172,8 +172,31 @@ def test_a_pulled_link_saves_what_was_measured(tmp_path, identifier):
     assert room.went(Phase.SEARCHING)
     assert "gave up" in room.of(Failed)[0].text
     assert isinstance(room.news[-1], Disconnected)
+    saved = room.of(Saved)[-1].path
+    assert read_session(saved).curves[0].partial
+    room.session.audit("curve excluded", curve=1, text="cut")  # there was no session for it
+    room.session.close()
     (path,) = tmp_path.iterdir()
-    assert read_session(path).curves[0].partial
+    assert path == saved
+    assert "curve excluded" in heads_of(path)[0]
+
+
+def test_the_visit_goes_on_with_the_next_probe_where_the_search_was_given_up(tmp_path, identifier):
+    cable = Cable()
+    backoff = Backoff(first_s=0.01, most_s=0.01, give_up_s=0.05)
+    room = Room(tmp_path, identifier, cable.make_probe, policy=Policy(backoff))
+    room.connect()
+    measure(room, order())
+    cable.pull()
+    room.thread.join(PATIENCE_S)
+    cable.plugged = True
+    room.news.clear()
+    room.connect()
+    assert room.of(Connected)[0].goes_on
+    measure(room, order())
+    room.close()
+    (path,) = tmp_path.iterdir()
+    assert len(read_session(path).curves) == 2
 
 
 def back_again(tmp_path, identifier):
