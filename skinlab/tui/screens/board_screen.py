@@ -29,7 +29,8 @@ class BoardScreen(ClosingScreen[None]):
     AUTO_FOCUS = ""
     BINDINGS: ClassVar[list[BindingType]] = [
         Binding("v", "app.vent_probe", "Vent", priority=True, id="vent"),
-        Binding("v", "app.give_up_probe", "Give up", priority=True, id="vent"),
+        # Of the curve, where Del gives a search up
+        Binding("v", "app.give_up_probe", "Give curve up", priority=True, id="vent"),
         Binding("pageup", "page(-1)", show=False, priority=True),
         Binding("pagedown", "page(1)", show=False, priority=True),
     ]
