@@ -11,11 +11,9 @@ import struct
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from shutil import copyfile
 from tempfile import TemporaryDirectory
 
-from skinlab.errors import InputError
-from skinlab.io.files import cannot_read
+from skinlab.io.files import cannot_read, write_file
 
 _HEADER_BYTES = 32
 _FRAME_BYTES = 24  # and the page behind it
@@ -91,13 +89,11 @@ def readable(path: Path, skipped: list[str]) -> Iterator[Path]:
         return
     with TemporaryDirectory(prefix="skinlab-") as folder:
         copy = Path(folder) / "journal"
-        try:
-            copyfile(path, copy)
-            if not copy.stat().st_size:  # SQLite would delete its log
-                copy.write_bytes(bytes(_USUAL_PAGE))
-            copy.with_name("journal-wal").write_bytes(data if found is None else found[0])
-        except OSError as error:
-            raise InputError(f"{path}: cannot be copied to {folder} ({error.strerror})") from None
+        with cannot_read(path):
+            content = path.read_bytes()
+        # SQLite would delete the log of an empty file
+        write_file(copy, content or bytes(_USUAL_PAGE))
+        write_file(copy.with_name("journal-wal"), data if found is None else found[0])
         if found is None:
             skipped.append(f"is empty; all is from {log.name}")
         else:
