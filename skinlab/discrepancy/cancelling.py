@@ -44,9 +44,9 @@ def against_cancelling(fitter: Fitter, base: Candidate, best: Candidate) -> Tria
     return Trial(
         "cancelling",
         passed,
-        "its effects do not cancel one another"
+        "the effects do not cancel one another"
         if passed
-        else f"its effects cancel one another: both do {100 * share:.0f} % of what one does alone",
+        else f"the effects cancel one another: both do {100 * share:.0f} % of what one does alone",
     )
 
 

@@ -47,6 +47,11 @@ class Candidate:
         return self.left.p_value >= ERRORS.adequate
 
 
+def are_several(explanation: Candidate, own: Collection[str]) -> bool:
+    """Return whether it adds several effects to the model's own: a sentence says "they"."""
+    return sum(effect not in own for effect in explanation.effects) > 1
+
+
 @dataclass(eq=False)
 class Partial:
     """What is known so far, for whoever interrupts."""

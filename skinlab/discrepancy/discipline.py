@@ -23,10 +23,10 @@ from skinlab.discrepancy.campaign_errors import (
     WithoutCurves,
     log_evidences,
 )
-from skinlab.discrepancy.candidates import LOG10, Candidate
+from skinlab.discrepancy.candidates import LOG10, Candidate, are_several
 from skinlab.discrepancy.fit import Fit
 from skinlab.discrepancy.heldout import HeldOut
-from skinlab.discrepancy.odds import odds_words
+from skinlab.discrepancy.odds import likelier_words
 from skinlab.discrepancy.posterior import gaussian
 from skinlab.discrepancy.records import Record, by_geometry
 from skinlab.discrepancy.settings import NAMES, SEARCH
@@ -175,10 +175,11 @@ class Discipline:
         changed = np.concatenate(best.fit.deflections_mm) - np.concatenate(base.fit.deflections_mm)
         size = 1e3 * float(np.sqrt(np.mean(changed**2)))
         moved = _moved(best.fit, base.fit)
+        it_changes = "they change" if are_several(best, base.effects) else "it changes"
         return Trial(
             "size",
             size >= NAMES.practical_um or bool(moved),
-            f"it changes the fitted curves by {size:.1f} µm, once the law's parameters have "
+            f"{it_changes} the fitted curves by {size:.1f} µm, once the law's parameters have "
             f"been fitted again{', and '.join(['', *moved])}",
         )
 
@@ -192,11 +193,11 @@ class Discipline:
         mean = float(logsumexp(np.array(each) * LOG10)) / LOG10 - math.log10(len(each))
         size = NAMES.smooth_sizes_um[int(np.argmax(each))]
         lead = best.log10_evidence - max(mean, 0.0)
+        it_is = "they are" if are_several(best, base.effects) else "it is"
         return Trial(
             "smooth",
             lead >= NAMES.tie,
-            f"it is {odds_words(lead)} likelier than a smooth error of the model of about "
-            f"{size:g} µm",
+            f"{it_is} {likelier_words(lead)} than a smooth error of the model of about {size:g} µm",
         )
 
     def _steps(self, best: Candidate, base: Candidate) -> Trial:
@@ -217,12 +218,13 @@ class Discipline:
             or (best.kind and size < NAMES.steps_left * left(base, e))
             for e in looks
         )
+        it_leaves = "they leave" if are_several(best, base.effects) else "it leaves"
         return Trial(
             "steps",
             passed,
-            "it leaves no sudden steps"
+            f"{it_leaves} no sudden steps"
             if passed
-            else "what it leaves has sudden steps in it, as of tape that lets go",
+            else f"what {it_leaves} has sudden steps in it, as of tape that lets go",
         )
 
     def _again(
@@ -237,12 +239,13 @@ class Discipline:
             what for what, (there, ahead) in self._without(best, base, rivals, odds).items()
             if not there or ahead
         ]  # fmt: skip
+        it_is = "they are" if are_several(best, base.effects) else "it is"
         return Trial(
             "again",
             not failed,
-            "it is there again with every second sample left out, and with any one curve"
+            f"{it_is} there again with every second sample left out, and with any one curve"
             if not failed
-            else "it is not there without " + ", ".join(failed),
+            else f"{it_is} not there without " + ", ".join(failed),
         )
 
     def _without(
@@ -313,7 +316,7 @@ class Discipline:
             "chosen again",
             gain >= NAMES.held_out_chance,
             "for what is chosen without them, the conditions left out are "
-            f"{odds_words(gain)} likelier than for the model as it is",
+            f"{likelier_words(gain)} than for the model as it is",
         )
 
 

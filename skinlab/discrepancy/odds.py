@@ -17,10 +17,19 @@ def odds_words(log10_ratio: float) -> str:
     return f"{float(f'{times:.2g}'):,.0f} times"
 
 
+def likelier_words(log10_ratio: float) -> str:
+    """Return how many times likelier, or less likely: 0.05 times likelier is 20 times less likely.
+
+    >>> likelier_words(2.0), likelier_words(-1.3)
+    ('100 times likelier', '20 times less likely')
+    """
+    how = "likelier" if log10_ratio > 0 else "less likely"
+    return f"{odds_words(abs(log10_ratio))} {how}"
+
+
 def than_none_words(log10_evidence: float) -> str:
     """Return how much likelier, or less likely, an explanation is than none at all."""
-    how = "likelier" if log10_evidence > 0 else "less likely"
-    return f"{odds_words(abs(log10_evidence))} {how} than none at all"
+    return f"{likelier_words(log10_evidence)} than none at all"
 
 
 def behind_words(log10_behind: float | None, best: str = "the best") -> str:

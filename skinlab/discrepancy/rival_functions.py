@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import logsumexp
 
-from skinlab.discrepancy.candidates import LOG10, Candidate
+from skinlab.discrepancy.candidates import LOG10, Candidate, are_several
 from skinlab.discrepancy.discipline import Trial
 from skinlab.discrepancy.families import (
     Promise,
@@ -54,6 +54,8 @@ class RivalFunctions:
         curves by less than matters in practice is not: a path that is known to a tenth of a
         millibar leaves as much.
         """
+        several = are_several(best, self._base.effects)
+        their, them = ("their", "them") if several else ("its", "it")
         look = _Look(self._search, self._base, best, self._seen)
         forms = {get_effect(name).form_of for name in best.effects}
         likelier = np.array([NAMES.tie if one.family in forms else 0.0 for one in look.families])
@@ -63,16 +65,18 @@ class RivalFunctions:
                 self._in_place[one.name] = self._fitted(one, self._base.fit, best.fit)
             came_to = self._in_place[one.name]
             if came_to is not None and (gain := came_to - look.against[0]) >= likelier[i]:
-                return _failed(one, "in its place is", gain)
+                return _failed(one, f"in {their} place is", gain)
         for i in np.argsort(-look.leads[:, 1]):
             if look.leads[i, 1] < NAMES.tie or look.change_um(i) < NAMES.practical_um:
                 continue
             one = look.families[i]
             came_to = self._fitted(one, best.fit, best.fit)
             if came_to is not None and (gain := came_to - look.against[1]) >= NAMES.tie:
-                return _failed(one, "beside it makes the curves", gain)
+                return _failed(one, f"beside {them} makes the curves", gain)
         return Trial(
-            "families", True, "no smooth unknown function takes its place, or is needed beside it"
+            "families",
+            True,
+            f"no smooth unknown function takes {their} place, or is needed beside {them}",
         )
 
     def _to_fit(self, look: _Look, best: Candidate, likelier: Array) -> NDArray[np.intp]:

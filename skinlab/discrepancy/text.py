@@ -7,7 +7,13 @@ from collections.abc import Callable, Collection, Sequence
 import numpy as np
 
 from skinlab.discrepancy.adequacy import Place
-from skinlab.discrepancy.candidates import Candidate, Partial, behind_best, outdone
+from skinlab.discrepancy.candidates import (
+    Candidate,
+    Partial,
+    are_several,
+    behind_best,
+    outdone,
+)
 from skinlab.discrepancy.next_measurement import Plan
 from skinlab.discrepancy.odds import chance_words, each_behind, odds_words, than_none_words
 from skinlab.discrepancy.outcome import Outcome
@@ -226,7 +232,7 @@ def doubt_words(outcome: Outcome) -> list[str]:
         good = not _failed(outcome)
         tied = outcome.verdict.name == "ambiguous"
         own = set(outcome.found.base.effects)
-        it = "them" if _several(outcome.best, own) else "it"
+        it = "them" if are_several(outcome.best, own) else "it"
         it = _name(outcome.best, own) if tied else it
         lines.append(f"What stands behind {it}:" if good else f"{_doubted(outcome)}, because:")
         lines += [f"  {t.sentence}" for t in outcome.trials if good or not t.passed]
@@ -263,7 +269,7 @@ def _doubted(outcome: Outcome) -> str:
     if one is None:
         return "No name is given"
     own = set(outcome.found.base.effects)
-    name, several = _name(one, own), _several(one, own)
+    name, several = _name(one, own), are_several(one, own)
     if _failed(outcome) == {"size"}:
         return f"{name} {'are' if several else 'is'} too small for a name"
     return f"{name} seemed to be there and {'get' if several else 'gets'} no name"
@@ -282,7 +288,7 @@ def _open_words(outcome: Outcome) -> list[str]:
         ]
         if not others:
             continue
-        it, them, are = ("they", "them", "are") if _several(one, own) else ("it", "it", "is")
+        it, them, are = ("they", "them", "are") if are_several(one, own) else ("it", "it", "is")
         who = f"If {it} {are} there all the same"
         if one is not outcome.doubted:
             odds = than_none_words(one.log10_evidence)
@@ -301,7 +307,7 @@ def lead_words(outcome: Outcome) -> list[str]:
     odds = odds_words(best.log10_evidence - (second.log10_evidence if second else 0.0))
     own = set(outcome.found.base.effects)
     rival = explanation_words(second, own) if second else "none at all"
-    it_is = "They are" if _several(best, own) else "It is"
+    it_is = "They are" if are_several(best, own) else "It is"
     return [
         f"{it_is} {odds} likelier than {'the next, ' if second else ''}{rival}, "
         "if the truth is in the library."
@@ -556,10 +562,6 @@ def explanation_words(candidate: Candidate, own: set[str]) -> str:
 
 def _name(candidate: Candidate, own: set[str]) -> str:
     return " and ".join(e for e in candidate.effects if e not in own)
-
-
-def _several(candidate: Candidate, own: set[str]) -> bool:
-    return sum(e not in own for e in candidate.effects) > 1
 
 
 def _value(v: dict[str, float] | None) -> str:

@@ -571,6 +571,29 @@ def test_a_learned_function_may_leave_a_little_more_of_what_was_left_out(
     assert next(t for t in trials if t.name == "predicts").passed is passes
 
 
+@pytest.mark.parametrize(
+    ("effects", "it"),
+    [(("tape_slip",), "it"), (("tape_slip", "deflection_offset"), "they")],
+)
+def test_trials_of_several_effects_speak_of_several(table, effects, it):
+    """ "What stands behind them: it changes the fitted curves": which one was open."""
+    made = campaign(table, lambda t, per_log, rng: rng.normal(0, 2e-3, len(t)))
+    fitter, fit = fitted(table, made)
+    unknowns = replace(fit.unknowns, effects=effects)
+    u = np.append(fit.u, np.zeros(len(unknowns) - len(fit.u)))
+    jacobian = np.zeros((len(fit.jacobian), len(u)))
+    jacobian[:, : len(fit.u)] = fit.jacobian
+    with_it = replace(fit, unknowns=unknowns, u=u, jacobian=jacobian)
+    base, best, discipline = disciplined_pair(fitter, fit, with_it)
+    trials = discipline.trials(best, base, [], [], HeldOut(1.0, 1.0, 1.0, (), 1.0))
+    said = {t.name: t.sentence for t in trials}
+    change, leave = ("change", "leave") if it == "they" else ("changes", "leaves")
+    assert said["size"].startswith(f"{it} {change} the fitted curves")
+    assert said["smooth"].startswith(f"{it} {'are' if it == 'they' else 'is'} ")
+    assert said["again"].startswith(f"{it} {'are' if it == 'they' else 'is'} ")
+    assert said["steps"] == f"{it} {leave} no sudden steps"
+
+
 def test_a_name_is_there_again_though_a_second_effect_says_a_little_more(table):
     """Without the odds before the data any pair that holds the name was ahead in every part."""
     made = campaign(table, lambda t, per_log, rng: rng.normal(0, 2e-3, len(t)))
