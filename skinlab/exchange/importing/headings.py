@@ -37,8 +37,9 @@ _SUMMARY = (
     "variance sum total totals subtotal count summary mittel mittelwert durchschnitt summe gesamt "
     "gesamtsumme ergebnis anzahl standardabweichung spannweite moyenne mediane somme nombre ecart "
     "etendue media promedio mediana suma maximo minimo recuento desviacion somma totale massimo "
-    "conteggio deviazione gemiddelde mediaan som totaal aantal standaarddeviatie"
+    "conteggio deviazione gemiddelde mediaan som totaal aantal standaarddeviatie mw stabw"
 )
+_SUMMARY_SIGNS = ("∑", "σ", "ø", "⌀")  # sum, mean or standard deviation; in lower case
 # As a last word these are too short to be a unit without a bracket or a name that fits.
 _DOUBTFUL = frozenset({"min", "mb", "bar"})
 
@@ -94,7 +95,7 @@ def is_summary(text: str) -> bool:
     plain = _plain(text).strip()
     first = re.match("[a-z]*", plain)
     named = first is not None and first[0] in _SUMMARY.split()
-    return named or plain.startswith("standard deviation")
+    return named or plain.startswith(("standard deviation", *_SUMMARY_SIGNS))
 
 
 def _agreed(unit: Unit | None, below: Unit | None, bracketed: bool) -> Unit | None:

@@ -183,7 +183,7 @@ def _curve(
         )
     deflection, notes = _outward(channels["deflection"].values, answers)
     if setup.program is None:  # else the program tells
-        notes += _odd_times(time)
+        notes += _odd_times(time, table)
     _check_deflection(deflection, setup, table)
     curve = Curve(name, setup, time, np.zeros(len(time)), deflection)
     if "pressure" in channels:
@@ -197,9 +197,17 @@ def _curve(
     return _checked_outward(curve), [*notes, *more]
 
 
-def _odd_times(time_s: Array) -> list[str]:
-    """Return a question where times are likely to be of another unit: a slow rig may have them."""
+def _odd_times(time_s: Array, table: Table) -> list[str]:
+    """Return a question where times are likely to be of another unit: a slow rig may have them.
+
+    Or where the last one is likely to be no time: a sum that nothing names.
+    """
     step_s, whole_s = float(np.median(np.diff(time_s))), float(time_s[-1] - time_s[0])
+    if (rest_s := float(time_s[-2] - time_s[0])) < 0.5 * whole_s:
+        return [
+            f"line {table.lines[-1]}: {whole_s - rest_s:g} s behind the sample before it, and all "
+            f"before are of {rest_s:g} s: is it a sum, and no sample?"
+        ]
     if step_s >= SAMPLES.slow_s:
         every = f"a sample every {step_s:g} s, and {whole_s:.0f} s in all"
         return [f"{every}: is the time in milliseconds?"]

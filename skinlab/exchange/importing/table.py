@@ -27,6 +27,10 @@ _NUMBERS = {
 # In hundreds and, without a zero before them, in exact thousandths: 950 and 1.050
 _HUNDREDS = re.compile(r"[+-]?[0-9]{1,3}")
 _THOUSANDS = re.compile(r"[+-]?[1-9][0-9]{0,2}[.,][0-9]{3}")
+# A word of a remark: a unit behind a number may be one letter. Or a date that stands alone
+_WORD = re.compile(r"[^\W\d_]{2,}")
+_DATE = re.compile(r"[0-9]{1,4}([-./])[0-9]{1,2}\1[0-9]{1,4}")
+_GOES_ON = 0.1  # of what a column went through: no next row is further on
 _Kind = Literal["number", "clock"]
 _FEWEST_ROWS = 2
 _FEWEST_COLUMNS = 2
@@ -125,7 +129,8 @@ def survey(lines: Sequence[Line], decimal: str) -> Draft | None:
     if count < _FEWEST_ROWS:
         return None
     fits = [len(v) > core[-1][0] and all(v[k] == kind for k, kind in core) for v in kinds]
-    edges = np.flatnonzero(np.diff([0, *_without_summary(lines, fits), 0]))
+    rows = _without_summary(lines, fits, core, decimal)
+    edges = np.flatnonzero(np.diff([0, *rows, 0]))
     runs = tuple((int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True))
     above = (lines[0 if k == 0 else runs[k - 1][1] : begin] for k, (begin, _) in enumerate(runs))
     heads = (_header(part, width) for part in above)
@@ -140,19 +145,52 @@ def survey(lines: Sequence[Line], decimal: str) -> Draft | None:
     )  # fmt: skip
 
 
-def _without_summary(lines: Sequence[Line], fits: Sequence[bool]) -> list[bool]:
+def _without_summary(
+    lines: Sequence[Line], fits: Sequence[bool], core: Sequence[tuple[int, _Kind]], decimal: str
+) -> list[bool]:
     """Return which lines are rows, less sums and means behind the last of these."""
-    rows = list(fits)
-    for k in reversed(np.flatnonzero(fits)):
-        if not _is_summary(lines[k]):
-            return rows
-        rows[k] = False
-    return list(fits)  # each row is a mean, of repeats
+    at = [k for k, fit in enumerate(fits) if fit]
+    end = len(at)
+    while end and (_is_summary(lines[at[end - 1]]) or _is_marked(lines[at[end - 1]], core)):
+        end -= 1
+    if not end:
+        return list(fits)  # each row is a mean, of repeats
+    rows, last = list(fits), lines[at[end - 1]]
+    for k in at[end:]:
+        # A sample that is marked, as the highest one, goes on where the rows ended.
+        if _is_summary(lines[k]) or not _goes_on(lines[k], lines[at[0]], last, core, decimal):
+            rows[k] = False
+        else:
+            last = lines[k]
+    return rows
 
 
 def _is_summary(line: Line) -> bool:
+    """Whether a line begins with the name of a sum or a mean."""
     first = next((cell for cell in line.cells if str(cell).strip()), "")
     return isinstance(first, str) and is_summary(first)
+
+
+def _is_marked(line: Line, core: Sequence[tuple[int, _Kind]]) -> bool:
+    """Whether the name of a sum or a mean stands anywhere beside the numbers."""
+    known = {k for k, _ in core}
+    cells = (cell for k, cell in enumerate(line.cells) if k not in known)
+    return any(isinstance(cell, str) and is_summary(cell) for cell in cells)
+
+
+def _goes_on(
+    line: Line, first: Line, last: Line, core: Sequence[tuple[int, _Kind]], decimal: str
+) -> bool:
+    """Whether the first number, mostly the time, is the next one behind that of the last row."""
+    k, kind = core[0]
+    if k >= len(line.cells):
+        return False
+    if kind == "clock":
+        return _kind(line.cells[k], decimal) == "clock"
+    here, begin, end = (number(row.cells[k], decimal) for row in (line, first, last))
+    if here is None or begin is None or end is None:
+        return False
+    return 0.0 < (here - end) * (1.0 if end >= begin else -1.0) <= _GOES_ON * abs(end - begin)
 
 
 def _header(
@@ -212,7 +250,7 @@ def finish(lines: Sequence[Line], draft: Draft) -> Table:
         if len(line.cells) > width:
             raise InputError(f"line {line.number}: {len(line.cells)} fields, expected {width}")
     for line in lines[end:]:
-        if draft.chosen + 1 < len(draft.runs) or _meant_as_row(line, draft):
+        if draft.chosen + 1 < len(draft.runs) or _meant_as_row(line, lines[begin:end], draft):
             raise InputError(f"line {line.number}: {_trouble(line, draft, headings)}")
     numbers = [k for k, kind in draft.core if kind == "number"]
     rows = [[number(line.cells[k], draft.decimal) for k in numbers] for line in lines[begin:end]]
@@ -256,17 +294,23 @@ def _thousands(cells: Sequence[Cell]) -> int | None:
     return whole.index(False)
 
 
-def _meant_as_row(line: Line, draft: Draft) -> bool:
+def _meant_as_row(line: Line, rows: Sequence[Line], draft: Draft) -> bool:
     """Whether a line behind the rows looks like a damaged row rather than a remark or a sum."""
-    if _is_summary(line):
+    goes_on = _goes_on(line, rows[0], rows[-1], draft.core, draft.decimal)
+    if _is_summary(line) or (not goes_on and _is_marked(line, draft.core)):
         return False
-    first = str(line.cells[0]).strip()[:1]
     numbers = sum(
         k < len(line.cells) and _kind(line.cells[k], draft.decimal) == kind
         for k, kind in draft.core
     )
-    same = len(line.cells) == draft.width and 2 * numbers >= len(draft.core)
-    return same or (first.isdigit() and first.isascii()) or first in {"-", "+", ".", ","}
+    if len(line.cells) == draft.width and 2 * numbers >= len(draft.core):
+        return True
+    if goes_on:
+        return True  # the last row of a record that was cut off, or without a reading
+    texts = [str(cell).strip() for cell in line.cells]
+    if any(_WORD.search(text) for text in texts) or (len(texts) == 1 and _DATE.fullmatch(texts[0])):
+        return False  # as "2 curves excluded"
+    return texts[0][:1] in set("0123456789-+.,")
 
 
 def _trouble(line: Line, draft: Draft, headings: Sequence[Heading]) -> str:

@@ -325,6 +325,41 @@ def test_remarks_behind_the_table_are_counted_and_not_read():
     assert "other lines not used: 0 before, 2 after" in imported.understood
 
 
+@pytest.mark.parametrize(
+    "remark",
+    ["2 curves excluded", "2 curves excluded;;", "101 samples", "3 of 40 lost; see the log",
+     "12.5.2026", "-- end --"],
+)  # fmt: skip
+def test_a_remark_may_begin_with_a_number(remark):
+    """It was refused as a damaged row."""
+    imported = read("t (s);p (mbar);w (mm)\n" + rows() + f"{remark}\n")
+    check_ramp(imported)
+    assert "other lines not used: 0 before, 1 after" in imported.understood
+
+
+def test_a_remark_of_words_between_spaces_is_no_row():
+    check_ramp(read("Time(s) p(mbar) w(mm)\n" + rows(" ") + "2 curves excluded\n"))
+
+
+@pytest.mark.parametrize(
+    ("row", "why"),
+    [
+        ("5.05;ERR;ERR", "p (mbar) is 'ERR', expected a number (decimal sign: a point)"),
+        ("5.05;NaN;NaN", "p (mbar) is 'NaN', expected a number (decimal sign: a point)"),
+        ("5.05;lost", "p (mbar) is 'lost', expected a number (decimal sign: a point)"),
+        ("5.05;101", "2 fields, expected 3"),
+        ("5.0", "1 fields, expected 3"),
+        ("5.05;101;0.3x", "w (mm) is '0.3x', expected a number (decimal sign: a point)"),
+    ],
+)
+def test_a_last_row_that_is_damaged_is_no_remark(row, why):
+    head = "t (s);p (mbar);w (mm)\n"
+    assert refusal(head + rows() + f"{row}\n") == f"line 103: {why}"
+    if row.count(";") == 2:  # behind a label it was left aside in silence
+        labelled = "".join(f"A;{line}\n" for line in rows().splitlines())
+        assert refusal(f"Label;{head}{labelled}A;{row}\n") == f"line 103: {why}"
+
+
 def workbook(*sheets, shift=0):
     book = openpyxl.Workbook()
     book.remove(book.active)
@@ -368,6 +403,33 @@ def test_sums_and_means_behind_the_table_are_no_samples(column, behind):
     assert f"other lines not used: 0 before, {lines} after" in imported.understood
     text = "\n".join(";".join("" if c is None else str(c) for c in row) for row in table)
     check_ramp(read(text))
+
+
+@pytest.mark.parametrize("name", ["Sum", "Ø", "Σ", "MW", "Stabw."])
+def test_a_sum_is_known_by_its_label_in_any_column(name):
+    """Behind the numbers it was a sample at 252.5 s; of a mean the time did not increase."""
+    head = "t (s);p (mbar);w (mm);Note\n"
+    noted = "".join(f"{line};\n" for line in rows().splitlines())
+    for end in ("252.5;5050;15.15", "2.5;50;0.15", "5;100;0.3"):
+        check_ramp(read(f"{head}{noted}{end};{name}\n"))
+        unlabelled = "".join(f"A;{line}\n" for line in rows().splitlines())
+        check_ramp(read(f"Label;{head[:-6]}\n{unlabelled}{name};{end}\n"))
+
+
+def test_a_last_sample_that_is_marked_as_the_highest_is_one():
+    noted = "".join(f"{line};\n" for line in rows().splitlines())
+    imported = read(f"t (s);p (mbar);w (mm);Note\n{noted}5.05;101;0.303;max\n")
+    assert (len(imported.curve), imported.curve.time_s[-1]) == (102, 5.05)
+
+
+def test_a_sum_that_nothing_names_is_asked_about():
+    imported = read("t (s);p (mbar);w (mm)\n" + rows() + "252.5;5050;15.15\n")
+    asked = (
+        "line 103: 247.5 s behind the sample before it, and all before are of 5 s: is it a sum, "
+        "and no sample?"
+    )
+    assert asked in imported.understood
+    assert not any("sum" in said for said in read("t (s);p (mbar);w (mm)\n" + rows()).understood)
 
 
 def test_rows_that_are_means_themselves_are_samples():
