@@ -86,17 +86,18 @@ def command(
         raise click.UsageError("--since, --control and --study are for the report: html or pdf")
     read = read_session(session)
     tell_left_behind(session)
+    file = inert(session.name)
     match kind:
         case "csv" | "json":
-            paths = export(read, kind, folder, inert(session.name))
+            paths = export(read, kind, folder, file)
         case "fhir":
-            paths = write_new(folder, {n: t.encode() for n, t in to_fhir(read).items()})
+            paths = write_new(folder, {n: t.encode() for n, t in to_fhir(read, file).items()})
             _tell_without(session, read)
         case "parameters":
             identifier, warning = identifier_of(read, database_path)
             if warning is not None:
                 echo(f"skinlab: {session}: {warning}", err=True)
-            made = to_parameters(read, identifier)
+            made = to_parameters(read, identifier, file)
             paths = write_new(folder, {n: t.encode() for n, t in made.items()})
             _tell_without(session, read)
         case _:

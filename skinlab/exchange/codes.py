@@ -12,6 +12,7 @@ from skinlab.mechanics.names import parameter_of
 
 SYSTEM = "urn:x-skinlab:codes"
 INTERVAL = "urn:x-skinlab:interval-90"
+SESSION_FILE = "urn:x-skinlab:session-file"
 UCUM = "http://unitsofmeasure.org"
 
 CODES: dict[str, tuple[str, str]] = {  # code: (words, UCUM unit)

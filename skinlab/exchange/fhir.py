@@ -19,7 +19,15 @@ from numpy.typing import NDArray
 from skinlab.curves.curve import Curve
 from skinlab.curves.cutometer import step_numbers
 from skinlab.errors import InputError
-from skinlab.exchange.codes import CODES, INTERVAL, SYSTEM, UCUM, unit_of, words_of
+from skinlab.exchange.codes import (
+    CODES,
+    INTERVAL,
+    SESSION_FILE,
+    SYSTEM,
+    UCUM,
+    unit_of,
+    words_of,
+)
 from skinlab.mechanics.materials.base import KAPPA, NU_CONSISTENT
 from skinlab.recording.audit import entries
 from skinlab.recording.session import Session, content_hash, measured_utc
@@ -41,8 +49,11 @@ _UNKNOWN = {
 }
 
 
-def to_fhir(session: Session) -> dict[str, str]:
-    """Return the one file: a Bundle of type collection. The same session gives the same text."""
+def to_fhir(session: Session, file: str | None = None) -> dict[str, str]:
+    """Return the one file: a Bundle of type collection. The same session gives the same text.
+
+    `file` is the session's own name, without folders; None: it is of no file.
+    """
     key = content_hash(session)
     entries_: list[dict[str, Any]] = [_entry(_code_system(session), f"{key} codes")]
     device = _device(session)
@@ -54,6 +65,8 @@ def to_fhir(session: Session) -> dict[str, str]:
         observation = _observation(session, curve, result, number)
         if device is not None:
             observation["device"] = {"reference": entries_[1]["fullUrl"]}
+        if file:  # no identifier: two sessions may have one name
+            observation["extension"] = [{"url": SESSION_FILE, "valueString": file}]
         entries_.append(_entry(observation, f"{key} curve {number}"))
     bundle: dict[str, Any] = {
         "resourceType": "Bundle",
@@ -215,4 +228,4 @@ def _sampled(name: str, values: Array, curve: Curve) -> dict[str, Any]:
 
 def _decimal(value: float) -> str:
     """Return a number as FHIR's SampledData has it: nine digits, no exponent."""
-    return f"{value:.9f}".rstrip("0").rstrip(".") or "0"
+    return f"{value:z.9f}".rstrip("0").rstrip(".") or "0"

@@ -100,6 +100,7 @@ SCHEMA: dict[str, Any] = {
                         "skinlab_version": _TEXT,
                     },
                     left_out=_TEXT,
+                    session_file=_TEXT,
                 ),
             },
         }
@@ -107,10 +108,13 @@ SCHEMA: dict[str, Any] = {
 }
 
 
-def to_parameters(session: Session, identifier: Identifier) -> dict[str, str]:
+def to_parameters(
+    session: Session, identifier: Identifier, file: str | None = None
+) -> dict[str, str]:
     """Return the one file; curves without parameters are not in it.
 
-    `identifier` is the one that the session was identified with.
+    `identifier` is the one that the session was identified with, `file` the session's own name,
+    without folders; None: it is of no file.
     """
     provenance, meta = identifier.provenance(), session.meta
     curves, out = [], excluded_of(session)
@@ -154,6 +158,7 @@ def to_parameters(session: Session, identifier: Identifier) -> dict[str, str]:
                 "flags": list(result.get("flags") or ()),
                 "skinlab_version": str(meta.get("skinlab_version") or ""),
                 **({"left_out": out[curve.name]} if curve.name in out else {}),
+                **({"session_file": file} if file else {}),
             }
         )
     whole = {"schema": NAME, "curves": curves}

@@ -11,6 +11,7 @@ from click.testing import CliRunner
 from skinlab.cli.main import cli
 from skinlab.curves.curve import Curve, Setup
 from skinlab.curves.program import parse_program
+from skinlab.exchange.fhir import _decimal
 from skinlab.exchange.importing.reader import Imported
 from skinlab.exchange.importing.session import Who, imported_session
 from skinlab.exchange.parameters import SCHEMA
@@ -98,6 +99,19 @@ def test_parameters_keep_their_schema_and_say_what_they_are_of(session_path, tmp
     del broken["curves"][0]["table"]
     with pytest.raises(jsonschema.ValidationError, match="table"):
         jsonschema.validate(broken, SCHEMA)
+
+
+def test_each_curve_says_which_sessions_file_it_is_of(session_path, tmp_path):
+    """Bundles of several sessions could be told apart by hashes alone."""
+    observation = exported(session_path, "fhir", tmp_path / "f")["entry"][-1]["resource"]
+    extension = {"url": "urn:x-skinlab:session-file", "valueString": "visit.h5"}
+    assert observation["extension"] == [extension]
+    (entry, *_) = exported(session_path, "parameters", tmp_path / "p")["curves"]
+    assert entry["session_file"] == "visit.h5"
+
+
+def test_a_zero_has_no_sign_in_sampled_data():
+    assert [_decimal(v) for v in (-3.6e-19, -0.25, 0.0)] == ["0", "-0.25", "0"]
 
 
 def test_the_day_of_an_import_is_not_told_as_that_of_the_measurement(session_path, tmp_path):
