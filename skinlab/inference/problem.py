@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from typing import Protocol
 
@@ -92,8 +93,8 @@ def check(options: Options) -> None:
         raise InputError(
             f"best {options.best}: expected 2 to the number of samples, {options.samples}"
         )
-    if not options.tolerance_um >= 0:
-        raise InputError(f"tolerance_um {options.tolerance_um}: expected zero or more")
+    if not 0 <= options.tolerance_um < math.inf:  # no JSON of a session could hold it
+        raise InputError(f"tolerance_um {options.tolerance_um}: expected zero or more, and finite")
 
 
 @dataclass(frozen=True)

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 
 import numpy as np
 import pytest
@@ -96,7 +97,13 @@ def test_candidates_without_a_model_are_passed_over():
 
 
 @pytest.mark.parametrize(
-    "options", [Options(best=1), Options(samples=10, best=11), Options(tolerance_um=-1)]
+    "options",
+    [
+        Options(best=1),
+        Options(samples=10, best=11),
+        Options(tolerance_um=-1),
+        Options(tolerance_um=math.inf),
+    ],
 )
 def test_options_that_cannot_work_are_refused(options):
     with pytest.raises(InputError, match="expected"):
