@@ -130,6 +130,8 @@ def _setup(folder: Path, entry: _CurveEntry, where: str) -> Setup:
         raise InputError(f"{where}: file {entry.file!r} is not a file name")
     if not real_path(folder / entry.file).is_relative_to(folder):
         raise InputError(f"{where}: file {entry.file!r} is outside the folder")
+    if (folder / entry.file).is_dir():
+        raise InputError(f"{where}: file {entry.file!r} is a folder; expected a curve CSV")
     with named_in_errors(where):
         return Setup(
             aperture_mm=entry.aperture_mm,

@@ -110,7 +110,8 @@ def _rows(path: Path, text: str, aperture_mm: float) -> tuple[list[tuple[float, 
         if len(fields) != len(header):
             hint = _COMMA if len(fields) > len(header) else ""
             raise InputError(
-                f"{path}: line {line}: {len(fields)} fields, expected {len(header)}{hint}"
+                f"{path}: line {line}: {counted(len(fields), 'field')}, expected "
+                f"{len(header)}{hint}"
             )
         if opening is not None:
             _check_opening(path, line, fields[opening], aperture_mm)

@@ -17,6 +17,7 @@ from skinlab.errors import InputError
 from skinlab.exchange.importing.clock import is_clock
 from skinlab.exchange.importing.headings import Heading, is_summary, read_heading
 from skinlab.exchange.importing.units import find_unit
+from skinlab.text import counted
 
 Cell = str | float  # a float comes from a spreadsheet
 
@@ -31,6 +32,7 @@ _THOUSANDS = re.compile(r"[+-]?[1-9][0-9]{0,2}[.,][0-9]{3}")
 _WORD = re.compile(r"[^\W\d_]{2,}")
 _DATE = re.compile(r"[0-9]{1,4}([-./])[0-9]{1,2}\1[0-9]{1,4}")
 _GOES_ON = 0.1  # of what a column went through: no next row is further on
+_SEPARATED = re.compile(r"[+-]?[0-9]{1,3}([.,'’\s][0-9]{3})+([.,][0-9]+)?")  # thousands: 1.000,0
 _Kind = Literal["number", "clock"]
 _FEWEST_ROWS = 2
 _FEWEST_COLUMNS = 2
@@ -318,9 +320,12 @@ def _trouble(line: Line, draft: Draft, headings: Sequence[Heading]) -> str:
     for k, kind in draft.core:
         name = headings[k].text or f"column {k + 1}"
         if k >= len(line.cells):
-            return f"{len(line.cells)} fields, expected {draft.width}"
+            found = counted(len(line.cells), "field")
+            return f"{found}, expected {draft.width}: {name} is missing"
         if _kind(line.cells[k], draft.decimal) != kind:
             shown = str(line.cells[k]).strip()[:40]
             expected = "a time" if kind == "clock" else f"a number (decimal sign: {sign})"
+            if _SEPARATED.fullmatch(shown):
+                expected += ", without separators of thousands"
             return f"{name} is {shown!r}, expected {expected}"
     return "numbers where the table had ended"

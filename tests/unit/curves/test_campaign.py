@@ -102,6 +102,7 @@ def test_one_placement_through_several_openings_is_told(tmp_path, capsys):
         ("ramp:100@20", "ramp:900@20", "curve 1: segment ramp:900@20"),
         ("a.csv", "../a.csv", "outside the folder"),
         ("a.csv", "absent.csv", "No such file"),
+        ("a.csv", "", "campaign.toml: curve 1: file '' is a folder; expected a curve CSV"),
         ("[campaign]", "[campaign", "campaign.toml"),
     ],
 )
