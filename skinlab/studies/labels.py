@@ -14,7 +14,8 @@ from skinlab.studies.copies import of_others
 
 _SPELLED = ("subject", "site", "operator", "probe")
 _MOST = 5  # that one sentence names
-_AGE = "age_years"
+_AGE, _SEX = "age_years", "sex"
+_SEXES = ("f", "m")
 
 
 def doubtful_labels(
@@ -34,7 +35,17 @@ def doubtful_labels(
         age = people[subject].get(_AGE)
         if age is not None and not _is_number(age):
             found.append(f"{subject}: {_AGE} is {age!r}, expected a number; it is not used")
-    return found
+    return [*found, *_other_sexes({s: people[s].get(_SEX) for s in measured & set(people)})]
+
+
+def _other_sexes(sexes: Mapping[str, Any]) -> Iterator[str]:
+    """Tell of each way to write a sex by which nobody is found, as "w" or "female"."""
+    for other in sorted({str(sex) for sex in sexes.values() if sex} - set(_SEXES)):
+        of = sorted(subject for subject, sex in sexes.items() if str(sex) == other)
+        yield (
+            f"{_SEX} is {other!r} of {_some(of)}; expected f or m: no range of women or of men "
+            "counts them"
+        )
 
 
 def _spelled_alike(text: Mapping[str, NDArray[np.str_]]) -> Iterator[str]:

@@ -259,9 +259,14 @@ def test_labels_that_may_be_wrong_are_said():
         "subject: P1, p1 are taken for different ones; write one alike",
         "site: left arm, leftarm are taken for different ones; write one alike",
     ]
-    people = {"P1": {"age_years": "3_0"}, "P2": {"age_years": "30"}, "P9": {}}
+    people = {
+        "P1": {"age_years": "3_0", "sex": "w"},
+        "P2": {"age_years": "30", "sex": "m"},
+        "P9": {"sex": "x"},
+    }
     assert doubtful_labels(columns, people)[2:] == [
         "a table of people names P9, of whom there is no curve",
         "the tables of people do not name p1",
         "P1: age_years is '3_0', expected a number; it is not used",
+        "sex is 'w' of P1; expected f or m: no range of women or of men counts them",
     ]
