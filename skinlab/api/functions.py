@@ -75,8 +75,9 @@ def read_curve(
         InputError: names the file, the line or field, and what was expected; or the pressure is
             far off the program.
     """
+    named = curves.named_placement(placement) if isinstance(placement, str) else placement
     setup = curves.Setup(
-        aperture_mm, thickness_mm, _program(program), cycle, repeat, thickness_sd_mm, placement
+        aperture_mm, thickness_mm, _program(program), cycle, repeat, thickness_sd_mm, named
     )
     return Curve.of(check_program(csv.read_curve(as_path(path), setup)))
 

@@ -93,7 +93,7 @@ def command(
     Example: skinlab import a.txt b.txt --aperture-mm 6 --thickness-mm 1 --cycle 1 --cycle 2 \\
              --program ramp:100@20 --measured 2026-03-01 --out visit.h5
     """
-    from skinlab.curves.curve import Setup
+    from skinlab.curves.curve import Setup, named_placement
     from skinlab.curves.program import Program, parse_program
     from skinlab.errors import InputError
     from skinlab.exchange.importing.questions import Answers, Question
@@ -103,7 +103,7 @@ def command(
 
     programs: list[Program | None] = [parse_program(text) for text in program]
     sds: tuple[float | None, ...] = thickness_sd_mm
-    placements: tuple[str | None, ...] = placement
+    placements = [named_placement(name) for name in placement]
     setups = [
         Setup(*values)
         for values in zip(
@@ -129,7 +129,7 @@ def command(
         return answer
 
     answers = Answers(
-        stated(options),
+        stated(options, program=bool(program)),
         ask if sys.stdin.isatty() and sys.stderr.isatty() else None,
         Remembered(default_path(), ask_again=ask_again),
     )

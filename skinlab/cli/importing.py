@@ -72,7 +72,12 @@ def form_options(unmeasured: str) -> Callable[[F], F]:
     return apply
 
 
-def stated(options: dict[str, Any]) -> dict[str, str]:
-    """Take the values of `form_options` out of `options`; by name, those that were given."""
+def stated(options: dict[str, Any], *, program: bool) -> dict[str, str]:
+    """Take the values of `form_options` out of `options`; by name, those that were given.
+
+    `program` is whether there is one that could have started.
+    """
     values = {name: options.pop(name.replace("-", "_")) for name in _HELP}
+    if values["program-start-s"] is not None and not program:
+        raise click.UsageError("--program-start-s is for --program")
     return {name: value for name, value in values.items() if value is not None}

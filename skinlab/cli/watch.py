@@ -70,7 +70,7 @@ def command(
     from datetime import datetime
 
     from skinlab.acquisition.shutdown import HeldInterrupt
-    from skinlab.curves.curve import Setup
+    from skinlab.curves.curve import Setup, named_placement
     from skinlab.curves.program import parse_program
     from skinlab.errors import InputError
     from skinlab.exchange.importing.folder import Folder
@@ -93,9 +93,11 @@ def command(
         cycle,
         repeat,
         thickness_sd_mm,
-        placement,
+        named_placement(placement),
     )
-    answers = Answers(stated(options), remembered=Remembered(default_path()))
+    answers = Answers(
+        stated(options, program=program is not None), remembered=Remembered(default_path())
+    )
     identifier = make_identifier(**options)
     out = out or new_session_path(Path(), datetime.now())
     who = Who(subject, site)

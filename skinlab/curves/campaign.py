@@ -11,7 +11,7 @@ import msgspec
 
 from drivers.reading import read_whole
 from skinlab.curves.csv import read_curve
-from skinlab.curves.curve import Curve, Setup
+from skinlab.curves.curve import Curve, Setup, named_placement
 from skinlab.curves.program import parse_program
 from skinlab.curves.program_check import check_program
 from skinlab.errors import InputError
@@ -116,7 +116,7 @@ def read_campaign(path: Path, unusable: list[Unusable] | None = None) -> Campaig
             if unusable is None:
                 raise
             unusable.append(Unusable(str(file), str(error)))
-    _ask_about_labels(path, [one for one in data.curve if one.placement is not None])
+    _ask_about_labels(path, [one for one in data.curve if named_placement(one.placement)])
     return Campaign(stated.title, noise, pressure_noise, tuple(curves), scatter)
 
 
@@ -140,7 +140,7 @@ def _setup(folder: Path, entry: _CurveEntry, where: str) -> Setup:
             cycle=entry.cycle,
             repeat=entry.repeat,
             thickness_sd_mm=entry.thickness_sd_mm,
-            placement=entry.placement,
+            placement=named_placement(entry.placement),
         )
 
 

@@ -79,6 +79,11 @@ class Setup:
                 raise InputError(f"{name} {getattr(self, name)}: expected 1 or more")
 
 
+def named_placement(text: str | None) -> str | None:
+    """Return the name of a placement; None of blanks, which all curves without one would share."""
+    return None if text is None or not text.strip() else text
+
+
 @dataclass(frozen=True, eq=False)
 class Curve:
     """A measured or simulated curve. Arrays (n,) in time order; read-only.

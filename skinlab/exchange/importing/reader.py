@@ -188,13 +188,13 @@ def _curve(
     curve = Curve(name, setup, time, np.zeros(len(time)), deflection)
     if "pressure" in channels:
         pressure, more = suction(time, channels["pressure"].values, table)
-        curve = _checked_outward(replace(curve, pressure_mbar=pressure))
+        curve = _checked_outward(replace(curve, pressure_mbar=pressure), answers)
         if setup.program is not None:
             curve, started = from_the_start(curve, answers)
             more += ["the pressure is the file's, not the program's", *started]
         return curve, [*notes, *more]
     curve, more = follow_program(curve, answers)
-    return _checked_outward(curve), [*notes, *more]
+    return _checked_outward(curve, answers), [*notes, *more]
 
 
 def _odd_times(time_s: Array, table: Table) -> list[str]:
@@ -216,11 +216,14 @@ def _odd_times(time_s: Array, table: Table) -> list[str]:
     return []
 
 
-def _checked_outward(curve: Curve) -> Curve:
+def _checked_outward(curve: Curve, answers: Answers) -> Curve:
     try:
         check_outward(curve)
     except InputError as error:
-        raise InputError(str(error).removeprefix(f"{curve.name}: ")) from None
+        said = str(error).removeprefix(f"{curve.name}: ")
+        if answers.stated("deflection-sign") == "-":  # its advice was taken, and was wrong here
+            said = said.partition(": change its sign")[0] + ": leave out --deflection-sign -"
+        raise InputError(said) from None
     return curve
 
 

@@ -75,6 +75,14 @@ def test_labels_of_placements_that_are_nearly_alike_are_told(tmp_path, capsys, o
     assert capsys.readouterr().err == (f"skinlab: {path}: {told}\n" if told else "")
 
 
+@pytest.mark.parametrize("blank", ["", " "])
+def test_a_placement_without_a_name_is_none(tmp_path, blank):
+    """All curves with an empty label had been of one placement."""
+    entry = CAMPAIGN[CAMPAIGN.index("[[curve]]") :] + f'placement = "{blank}"\n'
+    path = write(tmp_path, CAMPAIGN + f'placement = "{blank}"\n' + entry)
+    assert placements_of(read_campaign(path).curves) == [0, 1]
+
+
 def test_one_placement_through_several_openings_is_told(tmp_path, capsys):
     """A probe that is put on once has one opening."""
     entry = CAMPAIGN[CAMPAIGN.index("[[curve]]") :]

@@ -126,6 +126,16 @@ def test_nothing_good_leaves_no_session(call, tmp_path):
             3,
             "0 samples while the program ran, which started at 6 s",
         ),
+        (
+            ["import", "a.txt", *SKIN, "--program-start-s", 1, "--out", "s.h5"],
+            2,
+            "--program-start-s is for --program",
+        ),
+        (
+            ["import", "a.txt", *SKIN, "--deflection-sign", "-", "--out", "s.h5"],
+            3,
+            "expected a dome, which is positive: leave out --deflection-sign -\n",
+        ),
         (["import", "b.txt", *SKIN, "--out", "s.h5"], 3, "no column of the pressure"),
         (["watch", "absent", *SKIN], 3, "absent: no such folder"),
         (["watch", ".", *SKIN, "--settle-s", 0], 3, "expected 0.1-3600"),
