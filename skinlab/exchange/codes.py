@@ -41,7 +41,7 @@ def unit_of(name: str) -> str:
     if name in CODES:
         return CODES[name][1]
     if (declared := parameter_of(name)) is not None:
-        return declared.unit or "1"
+        return declared.unit.replace("µ", "u") or "1"  # UCUM has letters of ASCII
     for ending, unit in (*_ENDINGS, *_MORE_ENDINGS):
         if name.endswith(ending):
             return unit

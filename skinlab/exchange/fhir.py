@@ -30,7 +30,7 @@ from skinlab.exchange.codes import (
 )
 from skinlab.mechanics.materials.base import KAPPA, NU_CONSISTENT
 from skinlab.recording.audit import entries
-from skinlab.recording.session import Session, content_hash, measured_utc
+from skinlab.recording.session import Session, content_hash, measured_utc, stated_model
 from skinlab.recording.session_fit import excluded_of
 from skinlab.text import json_text
 
@@ -174,8 +174,10 @@ def _notes(session: Session, curve: Curve, found: Mapping[str, Any]) -> list[str
     if found.get("flags"):
         notes.append("flags: " + ", ".join(found["flags"]))
     if how:
+        stated = stated_model(session.meta)  # X1 beside an effect is another one
+        model = "the law alone" if stated is None else f"the model {stated.name!r}"
         notes.append(
-            f"identified with {how.get('method')}, seed {how.get('seed')}, kappa "
+            f"identified by {model} with {how.get('method')}, seed {how.get('seed')}, kappa "
             f"{how.get('kappa')}, database {how.get('database_hash')}, skinlab "
             f"{session.meta.get('skinlab_version')}"
         )

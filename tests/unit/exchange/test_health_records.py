@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -11,12 +12,14 @@ from click.testing import CliRunner
 from skinlab.cli.main import cli
 from skinlab.curves.curve import Curve, Setup
 from skinlab.curves.program import parse_program
-from skinlab.exchange.fhir import _decimal
+from skinlab.exchange.codes import unit_of
+from skinlab.exchange.fhir import _decimal, to_fhir
 from skinlab.exchange.importing.reader import Imported
 from skinlab.exchange.importing.session import Who, imported_session
 from skinlab.exchange.parameters import SCHEMA
 from skinlab.exchange.ro_crate import ro_crate
 from skinlab.inference.identify import Identifier
+from skinlab.mechanics.effects import all_effects
 from skinlab.recording.session import read_session, write_session
 from skinlab.tables.store import shipped_table
 
@@ -108,6 +111,26 @@ def test_each_curve_says_which_sessions_file_it_is_of(session_path, tmp_path):
     assert observation["extension"] == [extension]
     (entry, *_) = exported(session_path, "parameters", tmp_path / "p")["curves"]
     assert entry["session_file"] == "visit.h5"
+
+
+def test_units_of_effects_are_ucum():
+    """UCUM has no µm; a bundle with a drift was refused by who checks units."""
+    units = {unit_of(f"{one.name}.{p.name}") for one in all_effects() for p in one.parameters}
+    assert {"um", "um/s", "mbar", "1"} < units
+    assert all(unit.isascii() for unit in units)
+
+
+def test_a_bundle_says_by_which_model_it_was_identified(session_path):
+    """The X1 of a stretched skin was told as one of the law alone."""
+    session = read_session(session_path)
+    settings = session.meta["identification"]
+    told = []
+    for model in (None, '[model]\nname = "stretched"\n'):
+        meta = {**session.meta, "identification": {**settings, "model": model}}
+        text = to_fhir(replace(session, meta=meta))["fhir.json"]
+        told.append(json.loads(text)["entry"][-1]["resource"]["note"][-1]["text"])
+    assert told[0].startswith("identified by the law alone with auto, seed 0, ")
+    assert told[1].startswith("identified by the model 'stretched' with auto, seed 0, ")
 
 
 def test_a_zero_has_no_sign_in_sampled_data():
