@@ -66,8 +66,9 @@ def describe(result: Identification) -> str:
             )
     if result.error_um is not None and result.rms_um is not None:
         noise = f", noise {result.noise_um:.3g} µm" if result.noise_um else ""
+        placed = "" if result.placement is None else " with what placements did"
         lines.append(
-            f"  rms residual {result.rms_um:.3g} µm{noise} (the paper's error: "
+            f"  rms residual {result.rms_um:.3g} µm{placed}{noise} (the paper's error: "
             f"{result.error_um:.3g} µm)"
         )
     if result.error_model is not None:
@@ -140,9 +141,10 @@ def explain(result: Identification, noise_um: float | None = None) -> list[str]:
         # Of several curves the residual has in it what placements did, and that is no noise.
         rms_um = result.rms_um if result.files is None else None
         times, noise = times_the_noise(result.error_model, rms_um, noise_um)
+        less = "" if result.placement is None else ", less what placements did,"
         found.append(
-            f"The residual is {f'{times} times' if times else 'clearly more than'} {noise}: the "
-            "model misses something here, and the intervals mean less."
+            f"The residual{less} is {f'{times} times' if times else 'clearly more than'} {noise}: "
+            "the model misses something here, and the intervals mean less."
         )
         if result.flags_by_file:
             found.append(f"It is so of {', '.join(inert(name) for name in result.flags_by_file)}.")

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 import pytest
 
 from skinlab.curves.curve import Curve, Setup
-from skinlab.inference.error_judgement import ErrorModelSummary
+from skinlab.inference.error_judgement import ErrorModelSummary, PlacementSummary
 from skinlab.inference.result import Identification, Value
 from skinlab.inference.stored_results import StoredErrors, StoredResult
 from skinlab.report.fitted import Fit
@@ -55,6 +57,22 @@ def test_a_misfit_is_by_the_noise_that_it_is_more_than(residual_um, noise_um, wh
     assert ("the stated noise" in said) is ("the stated noise" in words)
     if "found" in why:
         assert more[0].endswith(f"({why.replace('slow; ', '').replace('; zeros', '')})")
+
+
+def test_a_residual_with_placements_in_it_is_said_to_have_them():
+    """A residual of 106 µm was said to be 1.3 times the stated noise, which is 3 µm."""
+    size = {"value": 0.2, "low": 0.1, "high": 0.3}
+    model = ErrorModelSummary("white", {"white_um": 4.0}, "stated 3 µm, found 4 µm")
+    one = Identification(
+        "", None, None, files=("a.csv", "b.csv"), flags=FLAGS, rms_um=106.0, error_um=4.6,
+        noise_um=4.0, error_model=model, placement=PlacementSummary(size, size, 6),
+    )  # fmt: skip
+    said = describe(one)
+    assert "rms residual 106 µm with what placements did, noise 4 µm" in said
+    assert "The residual, less what placements did, is 1.3 times the stated noise: " in said
+    alone = describe(dataclasses.replace(one, placement=None))
+    assert "rms residual 106 µm, noise 4 µm" in alone
+    assert "The residual is 1.3 times the stated noise: " in alone
 
 
 def test_a_long_unit_is_apart_from_the_interval():
