@@ -153,6 +153,19 @@ def test_examples_of_files_are_toml(page):
         tomllib.loads(block)
 
 
+def test_tables_have_a_head():
+    """A row behind an empty line is shown as text with bars in it."""
+    rows = re.compile(r"(?:^\|.*\n)+", re.MULTILINE)
+    heads = {page: rows.findall(prose(ROOT / page)) for page in NAMES}
+    headless = [
+        (page, table[:60])
+        for page, tables in heads.items()
+        for table in tables
+        if not re.match(r"\|.*\n\|[\s:|-]+\|\n", table)
+    ]
+    assert headless == []
+
+
 def test_all_codes_of_fhir_are_listed():
     page = (ROOT / "docs" / "exchange.md").read_text(encoding="utf-8")
     listed = set(re.findall(r"^\| `(\S+)` \| (.+?) \| `?(\S*?)`? \|$", page, re.MULTILINE))
