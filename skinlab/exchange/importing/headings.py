@@ -31,6 +31,8 @@ _OF_A_CURVE: dict[Constant, str] = {
     r"|run|trial|versuch|essai|recording|aufnahme|repeat|placement|site|subject|patient|proband"
     r"|series|serie)[ _-]*(no|nr|number|nummer|id|index|name)?\.?",
 }
+# Headings of a column that has the unit of the one before it
+_UNIT = "units?|einheit(en)?|unites?|unidad(es)?|unita|eenheid|eenheden"
 # First words of what names sums and means behind a table, without accents.
 _SUMMARY = (
     "mean means average avg median max maximum min minimum range sd std stdev stddev stdabw "
@@ -84,6 +86,15 @@ def read_heading(text: str, unit_text: str = "") -> Heading:
         return Heading(text, None if unit is None or doubtful else unit.role, unit)
     # A name and a unit that contradict each other leave the unit open.
     return Heading(text, named, unit if unit is not None and unit.role == named else None)
+
+
+def is_unit(text: str) -> bool:
+    """Return whether a heading says that units stand below it.
+
+    >>> is_unit("Einheit"), is_unit("Unidad 2"), is_unit("United")
+    (True, True, False)
+    """
+    return re.fullmatch(_UNIT, _plain(text).strip(" ._0123456789")) is not None
 
 
 def is_summary(text: str) -> bool:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from skinlab.errors import InputError
 from skinlab.exchange.importing.clock import is_clock
-from skinlab.exchange.importing.headings import Heading, is_summary, read_heading
+from skinlab.exchange.importing.headings import Heading, is_summary, is_unit, read_heading
 from skinlab.exchange.importing.units import find_unit
 from skinlab.text import counted
 
@@ -221,6 +221,16 @@ def _all_units(cells: Sequence[Cell]) -> bool:
     return len(texts) >= _FEWEST_COLUMNS and all(find_unit(text) for text in texts)
 
 
+def _units_beside(names: Sequence[Cell], rows: Sequence[Line]) -> tuple[str, ...]:
+    """Return the unit of each column behind which a column says one, the same in all rows."""
+    units = [""] * len(names)
+    for k in (k for k, name in enumerate(names) if k and is_unit(str(name))):
+        cells = {str(row.cells[k]).strip() if k < len(row.cells) else "" for row in rows}
+        if len(cells) == 1:
+            units[k - 1] = cells.pop()
+    return tuple(units)
+
+
 def _headings(names: Sequence[Cell], units: Sequence[Cell], width: int) -> tuple[Heading, ...]:
     def at(cells: Sequence[Cell], k: int) -> str:
         return str(cells[k]) if k < len(cells) else ""
@@ -247,7 +257,8 @@ def finish(lines: Sequence[Line], draft: Draft) -> Table:
         )
     names = draft.header if headed or len(draft.header) == draft.width else ()
     width = max(draft.width, len(names))
-    headings = _headings(names, draft.units if names else (), width)
+    units = draft.units if names else ()
+    headings = _headings(names, units or _units_beside(names, lines[begin:end]), width)
     for line in lines[begin:end]:
         if len(line.cells) > width:
             raise InputError(f"line {line.number}: {len(line.cells)} fields, expected {width}")

@@ -227,6 +227,17 @@ def test_a_long_file_whose_decimals_come_late():
         assert curve.deflection_mm[-1] == 0.009
 
 
+@pytest.mark.parametrize("heading", ["Einheit", "unit", "Unité", "Units 2"])
+def test_units_in_columns_of_their_own(heading):
+    """They were asked for, beside the columns that have them."""
+    head = f"Zeit;{heading};Druck;{heading};Weg;{heading}\n"
+    lines = [line.split(";") for line in rows(scale=(1e3, 0.1, 1e3)).splitlines()]
+    text = "".join(f"{t};ms;{p};kPa;{w};µm\n" for t, p, w in lines)
+    check_ramp(read(head + text))
+    # One row in another unit: nobody guesses
+    assert "the unit of the pressure" in refusal(head + text.replace("kPa", "hPa", 1))
+
+
 def test_a_header_that_is_marked_as_a_remark():
     for separator in (" ", ",", "\t"):
         check_ramp(read(separator.join(["# time_s", "pressure_mbar", "deflection_mm"]) + "\n"
