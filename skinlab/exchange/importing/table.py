@@ -262,8 +262,9 @@ def finish(lines: Sequence[Line], draft: Draft) -> Table:
     for line in lines[begin:end]:
         if len(line.cells) > width:
             raise InputError(f"line {line.number}: {len(line.cells)} fields, expected {width}")
+    ends = lines[begin], lines[end - 1]
     for line in lines[end:]:
-        if draft.chosen + 1 < len(draft.runs) or _meant_as_row(line, lines[begin:end], draft):
+        if draft.chosen + 1 < len(draft.runs) or _meant_as_row(line, ends, draft):
             raise InputError(f"line {line.number}: {_trouble(line, draft, headings)}")
     numbers = [k for k, kind in draft.core if kind == "number"]
     rows = [[number(line.cells[k], draft.decimal) for k in numbers] for line in lines[begin:end]]
@@ -307,9 +308,12 @@ def _thousands(cells: Sequence[Cell]) -> int | None:
     return whole.index(False)
 
 
-def _meant_as_row(line: Line, rows: Sequence[Line], draft: Draft) -> bool:
-    """Whether a line behind the rows looks like a damaged row rather than a remark or a sum."""
-    goes_on = _goes_on(line, rows[0], rows[-1], draft.core, draft.decimal)
+def _meant_as_row(line: Line, ends: tuple[Line, Line], draft: Draft) -> bool:
+    """Whether a line behind the rows looks like a damaged row rather than a remark or a sum.
+
+    `ends` are the first row and the last one.
+    """
+    goes_on = _goes_on(line, *ends, draft.core, draft.decimal)
     if _is_summary(line) or (not goes_on and _is_marked(line, draft.core)):
         return False
     numbers = sum(
