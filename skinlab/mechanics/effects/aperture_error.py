@@ -31,6 +31,7 @@ class ApertureError(Effect):
         Parameter(
             _name(a), "", f"true over stated of the {a:g} mm opening; 1 is right", 0.8, 1.25,
             1.0, 1.0 + _TYPICAL_MM / a, _SIZE,
+            symbol="" if a == _USUAL_MM else f"ratio of {a:g} mm",
         )
         for a in sorted(APERTURES_MM, key=lambda a: a != _USUAL_MM)
     )  # fmt: skip

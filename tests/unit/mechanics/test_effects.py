@@ -522,6 +522,8 @@ def test_the_contracts_parameters_are_enough(name):
         ("periodic_motion.frequency_hz", ("periodic_motion frequency", "Hz")),
         ("baseline_drift.drift_um_per_s", ("baseline_drift drift", "µm/s")),
         ("viscoelasticity.g", ("viscoelasticity g", "")),
+        ("aperture_error.ratio", ("aperture_error ratio", "")),
+        ("aperture_error.ratio2", ("aperture_error ratio of 2 mm", "")),
     ],
 )
 def test_a_unit_is_told_once(name, said):
