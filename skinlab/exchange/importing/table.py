@@ -226,8 +226,8 @@ def _units_beside(names: Sequence[Cell], rows: Sequence[Line]) -> tuple[str, ...
     units = [""] * len(names)
     for k in (k for k, name in enumerate(names) if k and is_unit(str(name))):
         cells = {str(row.cells[k]).strip() if k < len(row.cells) else "" for row in rows}
-        if len(cells) == 1:
-            units[k - 1] = cells.pop()
+        if len(cells) == 1 and find_unit(unit := cells.pop()) is not None:
+            units[k - 1] = unit
     return tuple(units)
 
 

@@ -234,7 +234,9 @@ def test_units_in_columns_of_their_own(heading):
     lines = [line.split(";") for line in rows(scale=(1e3, 0.1, 1e3)).splitlines()]
     text = "".join(f"{t};ms;{p};kPa;{w};µm\n" for t, p, w in lines)
     check_ramp(read(head + text))
-    # One row in another unit: nobody guesses
+    # A number of the device is none, and one row in another unit is not guessed at
+    numbered = "".join(f"{line.replace(';', ';7;', 1)}\n" for line in rows().splitlines())
+    check_ramp(read(f"t (s);{heading};p (mbar);w (mm)\n{numbered}"))
     assert "the unit of the pressure" in refusal(head + text.replace("kPa", "hPa", 1))
 
 
