@@ -146,7 +146,9 @@ class GuardedDialect:
             yield
         except allowed:
             raise
-        except (Exception, SystemExit) as error:
+        except (KeyboardInterrupt, GeneratorExit):
+            raise
+        except BaseException as error:
             raise BrokenDialectError(
                 f"{dialect_name(self._dialect)}: broke down: {_reason(error)}"
             ) from error

@@ -21,7 +21,7 @@ import sys
 import threading
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, partial
 from importlib.machinery import PathFinder
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Generic, Protocol, TypeVar
@@ -35,6 +35,9 @@ if TYPE_CHECKING:
 GROUPS = "skinlab."  # what the names of all groups begin with
 _METADATA = (".dist-info", ".egg-info")
 _OURS = {"skinlab", "drivers"}
+# What ends a program, and is no plugin's. All else is one's own: a panic of compiled code, or a
+# test that skips, is no Exception either.
+_FROM_OUTSIDE = (KeyboardInterrupt, GeneratorExit)
 
 
 class Named(Protocol):
@@ -57,22 +60,30 @@ class Origin:
     version: str
 
 
-class _AtWork:
-    """`Registry.at_work`: a class, since fits enter it often, and a generator is slow."""
+class AtWork:
+    """Name an installed extension that breaks down while this lasts: a context manager.
 
-    __slots__ = ("_name", "_who")
+    A class, since fits enter it often, and a generator is slow. `who` returns how a sentence names
+    it; None: it is built in, and its error comes through as it is. `refuses`: what it is called
+    where it may refuse values that a user stated; that is then named, too.
+    """
 
-    def __init__(self, who: Callable[[str], str | None], name: str) -> None:
-        self._who, self._name = who, name
+    __slots__ = ("_refuses", "_who")
+
+    def __init__(self, who: Callable[[], str | None], refuses: str | None = None) -> None:
+        self._who, self._refuses = who, refuses
 
     def __enter__(self) -> None:
         pass
 
     def __exit__(self, kind: object, error: BaseException | None, trace: object) -> None:
-        if isinstance(error, (Exception, SystemExit)) and not isinstance(error, SkinlabError):
-            who = self._who(self._name)
-            if who is not None:
-                raise broken(who, error) from error
+        if error is None or isinstance(error, _FROM_OUTSIDE):
+            return
+        if isinstance(error, SkinlabError):
+            if self._refuses is not None and isinstance(error, InputError):
+                raise InputError(f"{self._who() or self._refuses}: {error}") from error
+        elif (who := self._who()) is not None:
+            raise broken(who, error) from error
 
 
 class Registry(Generic[T]):
@@ -141,13 +152,16 @@ class Registry(Generic[T]):
         origin = self.origin(name)
         return None if origin is None else f"plugin {origin.distribution}, {self.kind} {name!r}"
 
-    def at_work(self, name: str) -> _AtWork:
+    def at_work(self, name: str, *, refuses: bool = False) -> AtWork:
         """Name an installed one that breaks down while this lasts.
+
+        With `refuses` any one, built in or not, that refuses values.
 
         Raises:
             BrokenPluginError: it did; an error of what is built in comes through as it is.
+            InputError: it refuses values.
         """
-        return _AtWork(self.who, name)
+        return AtWork(partial(self.who, name), self._called(name) if refuses else None)
 
     def refused(self) -> dict[str, str]:
         """Return why, by name, installed extensions are not there."""
@@ -206,7 +220,9 @@ class Registry(Generic[T]):
                 raise TypeError(f"it calls itself {one.name!r}; expected its entry point's name")
             if self._adopt is not None:
                 self._adopt(one, who)
-        except (Exception, SystemExit) as error:  # noqa: BLE001 -- anything may be in it
+        except _FROM_OUTSIDE:
+            raise
+        except BaseException as error:  # noqa: BLE001 -- anything may be in it
             return f"{who}: left out, because it is broken: {reason(error)}"
         self._found[entry.name] = one
         self._origins[entry.name] = origin
@@ -227,9 +243,9 @@ def blaming() -> Iterator[None]:
     """
     try:
         yield
-    except SkinlabError:
+    except (SkinlabError, *_FROM_OUTSIDE):
         raise
-    except (Exception, SystemExit) as error:
+    except BaseException as error:
         why = blamed(error)
         if why is None:
             raise
@@ -276,11 +292,13 @@ def reason(error: BaseException) -> str:
 
 
 def _outside(filename: str) -> bool:
-    """Whether a file is neither Python's own nor ours."""
-    ours = Path(__file__).parent
-    return not filename.startswith("<") and not (
-        Path(filename).is_relative_to(ours) or "importlib" in Path(filename).parts
-    )
+    """Whether a file is neither Python's own nor ours, nor of what everybody computes with."""
+    path, ours = Path(filename), Path(__file__).parents[1]
+    if filename.startswith("<") or any(path.is_relative_to(ours / name) for name in _OURS):
+        return False
+    if "site-packages" in path.parts:
+        return not {"numpy", "scipy"} & set(path.parts)
+    return not path.is_relative_to(Path(os.__file__).parent)
 
 
 def needs(one: object, *attributes: str) -> None:

@@ -170,26 +170,33 @@ def _installed() -> dict[str, tuple[Dialect, tuple[str, str]]]:
 
     found: dict[str, tuple[Dialect, tuple[str, str]]] = {}
     try:
-        entries = sorted(importlib.metadata.entry_points(group=GROUP), key=lambda e: e.name)
+        entries = [(e, _origin(e)) for e in importlib.metadata.entry_points(group=GROUP)]
     except Exception:  # noqa: BLE001 -- metadata that somebody else has damaged
         return found
-    for entry in entries:
-        dist = entry.dist
-        origin = ("unknown", "unknown") if dist is None else (dist.name, dist.version)
+    for entry, origin in sorted(entries, key=lambda pair: (pair[0].name, pair[1])):
+        who = f"plugin {origin[0]}, dialect {entry.name!r}: left out, because"
+        if entry.name in _built_in():
+            _warn(f"{who} one of this name is built in")
+            continue
+        if entry.name in found:
+            _warn(f"{who} one of this name comes from {found[entry.name][1][0]}")
+            continue
         try:
-            if entry.name in _built_in() or entry.name in found:
-                raise TypeError("one of this name is there already")
             one = entry.load()
             check_dialect(one)
             if one.name != entry.name:
-                raise TypeError("another name")
+                raise TypeError(f"it calls itself {one.name!r}; expected its entry point's name")
             found[entry.name] = one, origin
-        except (Exception, SystemExit) as error:  # noqa: BLE001 -- anything may be in it
-            _warn(
-                f"plugin {origin[0]}, dialect {entry.name!r}: left out, because it is broken: "
-                f"{type(error).__name__}: {error}"
-            )
+        except KeyboardInterrupt:
+            raise
+        except BaseException as error:  # noqa: BLE001 -- anything may be in it
+            _warn(f"{who} it is broken: {type(error).__name__}: {error}")
     return found
+
+
+def _origin(entry: Any) -> tuple[str, str]:
+    dist = entry.dist
+    return ("unknown", "unknown") if dist is None else (dist.name, dist.version)
 
 
 def _warn(sentence: str) -> None:

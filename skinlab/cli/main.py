@@ -110,11 +110,11 @@ def run(arguments: Sequence[str] | None = None) -> int:
             os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
             return 0
         return _explain(error)
-    except Exception as error:  # noqa: BLE001 -- the last resort: a sentence, never a traceback
+    except BaseException as error:  # noqa: BLE001 -- the last resort: a sentence, never a traceback
         return _explain(error)
 
 
-def _explain(error: Exception) -> int:
+def _explain(error: BaseException) -> int:
     from drivers.errors import (
         DialectFileError,
         DriverError,

@@ -7,6 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Generic, TypeVar
 
+from skinlab.errors import BrokenPluginError
 from skinlab.plugins import Named, Registry, reason
 
 T = TypeVar("T", bound=Named)
@@ -65,8 +66,10 @@ def broken(rule: Rule[T], extension: T) -> str | None:
     """Return how an extension breaks a rule; None: it obeys."""
     try:
         rule(extension)
-    except BrokenRuleError as error:
+    except (BrokenRuleError, BrokenPluginError) as error:
         return str(error)
-    except Exception as error:  # noqa: BLE001 -- whatever an extension raises
+    except KeyboardInterrupt:
+        raise
+    except BaseException as error:  # noqa: BLE001 -- whatever an extension raises
         return reason(error)
     return None

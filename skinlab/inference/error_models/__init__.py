@@ -47,7 +47,9 @@ def part_of(model: ErrorModel, look: Look) -> Part | None:
         if part is None:
             return None
         return _named(checked_part(model.name, part, len(look.samples)))
-    except (Exception, SystemExit) as error:  # noqa: BLE001 -- no plugin may end others' answers
+    except KeyboardInterrupt:
+        raise
+    except BaseException as error:  # noqa: BLE001 -- no plugin may end others' answers
         warn(f"{who}: broke down, and is left out: {type(error).__name__}: {error}")
         return None
 

@@ -115,7 +115,7 @@ def changed(skin: Skin, effects: Chosen, geometry: Geometry, cycle: int) -> Skin
     problem = SkinProblem(geometry, skin)
     for effect, values in effects:
         if type(effect).change is not Effect.change:
-            with EFFECTS.at_work(effect.name):
+            with EFFECTS.at_work(effect.name, refuses=True):
                 found = effect.change(problem, dict(values), cycle)
                 if EFFECTS.origin(effect.name) is not None:
                     check_problem(found)
@@ -135,7 +135,7 @@ def felt_path(effects: Effects, path: PressurePath) -> PressurePath:
 def felt_along(effects: Chosen, path: PressurePath) -> PressurePath:
     """Return the same of effects that are checked."""
     for effect, values in sorted(effects, key=lambda pair: (pair[0].order, pair[0].name)):
-        with EFFECTS.at_work(effect.name):
+        with EFFECTS.at_work(effect.name, refuses=True):
             found = effect.felt(path, dict(values))
             if EFFECTS.origin(effect.name) is not None:
                 check_path(found)

@@ -6,34 +6,26 @@ well overflow at a strain that a solver only tries.
 
 from __future__ import annotations
 
-import contextlib
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from skinlab.errors import SkinlabError
-from skinlab.plugins import broken
+from skinlab.plugins import AtWork
 
 Array = NDArray[np.float64]
 
 _SMALL = 0.01  # strain up to which every law has an energy
 
 
-@contextlib.contextmanager
-def told(who: str) -> Iterator[None]:
+def told(who: str) -> AtWork:
     """Name an installed law that breaks down while this lasts.
 
     Raises:
         BrokenPluginError: it did.
     """
-    try:
-        yield
-    except SkinlabError:
-        raise
-    except (Exception, SystemExit) as error:
-        raise broken(who, error) from error
+    return AtWork(lambda: who)
 
 
 def check_arrays(
@@ -48,7 +40,10 @@ def check_arrays(
     for name, value in named:
         array = np.asarray(value)
         if array.dtype.kind not in "fiu" or isinstance(value, list | tuple):
-            raise TypeError(f"{name} is a {type(value).__name__}; expected an array of numbers")
+            got = f"an array of {value.dtype}" if isinstance(value, np.ndarray) else None
+            raise TypeError(
+                f"{name} is {got or f'a {type(value).__name__}'}; expected an array of numbers"
+            )
         if array.shape != shape and not _fits(array.shape, shape):
             raise TypeError(f"{name} has the shape {array.shape}; expected {shape}")
 

@@ -29,7 +29,9 @@ def judge(gate: Gate, view: CurveSoFar) -> Finding | None:
         if found.gate != gate.name:  # it would be said again and again
             raise ValueError(f"it calls itself {found.gate!r} where it finds")
         texts(found, "sentence", "advice")
-    except (Exception, SystemExit) as error:  # noqa: BLE001 -- no plugin may end a measurement
+    except KeyboardInterrupt:
+        raise
+    except BaseException as error:  # noqa: BLE001 -- no plugin may end a measurement
         warn(f"{who}: broke down, and judges nothing: {type(error).__name__}: {error}")
         return None
     return found
