@@ -10,7 +10,7 @@ import numpy as np
 from skinlab.curves.pressure_path import PressurePath
 from skinlab.curves.program import parse_program
 from skinlab.errors import InputError
-from skinlab.extensions.rules import Kind, expect
+from skinlab.extensions.rules import Kind, expect, in_a_name
 from skinlab.mechanics.effects import EFFECTS, Effect, Parameter
 from skinlab.mechanics.effects.base import Array, Values
 from skinlab.mechanics.effects.history import shows_history
@@ -50,14 +50,6 @@ def _apart(a: Array, b: Array) -> float:
     return float(np.sqrt(np.mean((a - b) ** 2)))
 
 
-def _in_a_name(unit: str) -> str:
-    """Return how a name ends with a unit: um_per_mm2 of µm/mm², per_mm of 1/mm."""
-    words = (
-        unit.replace("/", "_per_").removeprefix("1_").replace("%", "percent").replace("Hz", "hz")
-    )
-    return words.translate(str.maketrans("µ²³", "u23"))
-
-
 def it_says_what_it_is(effect: Effect) -> None:
     """It says what it is, and each parameter its unit, meaning and source."""
     for name in ("meaning", "formula", "source"):
@@ -69,7 +61,7 @@ def it_says_what_it_is(effect: Effect) -> None:
     expect(size and size.typical != size.zero, "the typical size of it is its zero")
     for p in effect.parameters:
         expect(p.meaning and p.source, f"{p.name} has no meaning or no source")
-        unit = _in_a_name(p.unit)
+        unit = in_a_name(p.unit)
         named = p.name.endswith(f"_{unit}") if unit else "_" not in p.name
         expect(named, f"{p.name} does not end with its unit, {unit or 'none'}")
 

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from skinlab.extensions.rules import Kind, expect, first_line
+from skinlab.extensions.rules import Kind, expect, first_line, in_a_name
 from skinlab.mechanics.materials import LAWS, Law, Potential
 
 _FIRST = ("d_i1", "d_i2", "d_j")
@@ -33,12 +33,16 @@ def _rest(law: Law) -> Potential:
 
 
 def it_says_what_it_is(law: Law) -> None:
-    """It has a source, and parameters with names."""
-    names = tuple(law.parameter_names)
+    """It has a source, and each parameter its unit, meaning and source."""
     expect(law.source.strip(), "source is empty")
-    expect(names, "parameter_names is empty")
-    expect(all(n.strip() for n in names), "a parameter has no name")
+    names = law.parameter_names  # κ among them
     expect(len(set(names)) == len(names), "two parameters have one name")
+    for p in law.parameters:
+        expect(p.meaning and p.source, f"{p.name} has no meaning or no source")
+        unit = in_a_name(p.unit)
+        expect(
+            not unit or p.name.endswith(f"_{unit}"), f"{p.name} does not end with its unit, {unit}"
+        )
 
 
 def nothing_at_rest(law: Law) -> None:

@@ -57,6 +57,14 @@ def first_line(extension: object) -> str:
     return text.strip().partition("\n")[0].removesuffix(".")
 
 
+def in_a_name(unit: str) -> str:
+    """Return how a name ends with a unit: um_per_mm2 of µm/mm², per_mm of 1/mm."""
+    words = (
+        unit.replace("/", "_per_").removeprefix("1_").replace("%", "percent").replace("Hz", "hz")
+    )
+    return words.translate(str.maketrans("µ²³", "u23"))
+
+
 def says(rule: Rule[Any]) -> str:
     """Return what holds where a rule is obeyed, without its full stop."""
     return (rule.__doc__ or rule.__name__).strip().splitlines()[0].removesuffix(".")

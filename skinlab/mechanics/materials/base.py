@@ -225,8 +225,9 @@ def check_law(one: object) -> None:
             "the first is the stiffness that the energy is proportional to"
         )
     check_declared(declared)
-    if len(one.derived_names) != 2:
-        raise ValueError(f"its derived_names are {one.derived_names!r}; expected two: ν and κ")
+    derived: object = one.derived_names
+    if not isinstance(derived, tuple) or [type(name) for name in derived] != [str, str]:
+        raise ValueError(f"its derived_names are {derived!r}; expected two: of ν and κ")
     _check_parameters(one)
 
 
@@ -254,6 +255,16 @@ def _check_parameters(law: Law) -> None:
         )
     for one in law.parameters:
         search = search_of(one)
+        if search.transform == "log" and search.low <= 0.0:
+            raise ValueError(
+                f"law {law.name!r}: {one.name} is searched from {search.low:g} in its "
+                "logarithm; expected a low, or a search, above 0"
+            )
+        if one.name == law.poisson and not (one.low >= 0.0 and one.high < 0.5):
+            raise ValueError(
+                f"law {law.name!r}: {one.name}, Poisson's ratio, is {one.low:g} to {one.high:g}; "
+                "expected it in 0 to below 0.5"
+            )
         if one.name == law.scale and search.transform != "log":
             raise ValueError(f"law {law.name!r}: the scale {one.name} is searched in its logarithm")
         if one.name not in (law.scale, law.poisson) and (
