@@ -9,7 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skinlab.curves.pressure_path import PressurePath
-from skinlab.mechanics.fem.skin import Layer, Prony, SkinProblem, Term
+from skinlab.mechanics.fem.skin import Layer, Prony, Skin, SkinProblem, Term
+from skinlab.mechanics.fem.suction import Geometry
+from skinlab.mechanics.materials import Energy
 
 Array = NDArray[np.float64]
 
@@ -26,6 +28,10 @@ def check_problem(found: object) -> None:
     """
     if not isinstance(found, SkinProblem):
         raise TypeError(f"change returned a {type(found).__name__}; expected a SkinProblem")
+    for name, wanted in (("geometry", Geometry), ("skin", Skin)):
+        one: object = getattr(found, name)
+        if not isinstance(one, wanted):
+            raise TypeError(f"{name} is a {type(one).__name__}; expected a {wanted.__name__}")
     for name in _NUMBERS:
         _check_number(name, getattr(found, name))
     for name, kind in _LISTS.items():
@@ -35,10 +41,30 @@ def check_problem(found: object) -> None:
     for layer in (*found.above, *found.below):
         for name in ("thickness_mm", "half_shear_mpa", "kappa_mpa"):
             _check_number(f"{name} of a layer", getattr(layer, name), above_zero=True)
-    for term in found.prony:
-        _check_number("g", term.g)
-        _check_number("tau_s", term.tau_s, above_zero=True)
+    for relaxing in found.prony:
+        _check_number("g", relaxing.g)
+        if relaxing.g < 0.0:
+            raise ValueError(f"g is {relaxing.g!r}; expected 0 or more")
+        _check_number("tau_s", relaxing.tau_s, above_zero=True)
+    for term in found.terms:
+        _check_term(term)
     hash(found)  # it is a key of caches
+
+
+def _check_term(term: Term) -> None:
+    law: object = term.law
+    if not isinstance(law, Energy):
+        raise TypeError(f"law of a term is a {type(law).__name__}; expected an Energy")
+    given: object = term.parameters
+    pairs = isinstance(given, tuple) and all(isinstance(p, tuple) and len(p) == 2 for p in given)
+    if not pairs:
+        raise TypeError(
+            f"parameters of a term are {given!r}; expected pairs of a name and a number"
+        )
+    for name, value in term.parameters:
+        _check_number(f"{name} of a term", value)
+    if missing := set(law.parameter_names) - {name for name, _ in term.parameters}:
+        raise ValueError(f"parameters of a term lack {', '.join(sorted(missing))}")
 
 
 def check_path(found: object) -> None:

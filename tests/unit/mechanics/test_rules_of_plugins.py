@@ -25,7 +25,8 @@ from skinlab.mechanics.effects import EFFECTS, all_effects
 from skinlab.mechanics.effects.base import Effect, check_effect
 from skinlab.mechanics.effects.history import depends_on_history, shows_history
 from skinlab.mechanics.effects.model import Sensors, felt_path, problem_of, solve_skin
-from skinlab.mechanics.fem.skin import Layer, Prony, Skin
+from skinlab.mechanics.effects.strain_stiffening import CUBIC
+from skinlab.mechanics.fem.skin import Layer, Prony, Skin, Term
 from skinlab.mechanics.fem.suction import Geometry
 from skinlab.mechanics.materials.base import Law, potential_of_j1
 from skinlab.mechanics.materials.checked import small_strains
@@ -255,7 +256,14 @@ PATH = PressurePath((0.0, 1.0), (0.0, 10.0))
         ({"prony": [Prony(0.1, 1.0)]}, "prony is .*; expected a tuple of Prony"),
         ({"prony": (Prony(0.1, -1.0),)}, "tau_s is -1.0; expected a number above 0"),
         ({"below": (Layer(math.nan, 0.1, 0.1),)}, "thickness_mm of a layer is nan; expected a num"),
+        ({"prony": (Prony(-0.1, 1.0),)}, "g is -0.1; expected 0 or more"),
         ({"terms": ("X3",)}, "terms is .*; expected a tuple of Term"),
+        ({"terms": (Term("X3", ()),)}, "law of a term is a str; expected an Energy"),
+        ({"terms": (Term(CUBIC, (1.0,)),)}, "parameters of a term are .*; expected pairs of a n"),
+        ({"terms": (Term(CUBIC, (("X3", 1.0),)),)}, "parameters of a term lack X3_MPa"),
+        ({"terms": (Term(CUBIC, (("X3_MPa", None),)),)}, "X3_MPa of a term is None; expected a"),
+        ({"geometry": None}, "geometry is a NoneType; expected a Geometry"),
+        ({"skin": (0.04, 1.5, 0.32)}, "skin is a tuple; expected a Skin"),
         ({"pressure_mbar": [0.0, 10.0]}, "pressure_mbar of the path is a list; expected a tuple"),
     ],
 )
