@@ -152,6 +152,10 @@ class Registry(Generic[T]):
         origin = self.origin(name)
         return None if origin is None else f"plugin {origin.distribution}, {self.kind} {name!r}"
 
+    def said(self, name: str) -> str:
+        """Return how a sentence names one, built in or not."""
+        return self.who(name) or self._called(name)
+
     def at_work(self, name: str, *, refuses: bool = False) -> AtWork:
         """Name an installed one that breaks down while this lasts.
 

@@ -22,7 +22,7 @@ class LawCommand(click.Command):
 
     def get_params(self, ctx: click.Context) -> list[click.Parameter]:
         """Return the command's own parameters and the laws'."""
-        from skinlab.mechanics.materials import DEFAULT_LAW, get_law, law_names
+        from skinlab.mechanics.materials import DEFAULT_LAW, LAWS, get_law, law_names
         from skinlab.plugins import warn
 
         own = super().get_params(ctx)
@@ -34,7 +34,8 @@ class LawCommand(click.Command):
                 unit = f", {one.unit}" if one.unit else ""
                 text = f"{one.label} of {law.name}{unit}: {one.meaning}."
                 if option_name(one.name) in taken:
-                    warn(f"law {law.name}: its option {option_name(one.name)} is the command's")
+                    who, flag = LAWS.said(law.name), option_name(one.name)
+                    warn(f"{who}: its option {flag} is the command's; expected another name")
                     continue
                 helps.setdefault(one.name.lower(), text)
         options = [

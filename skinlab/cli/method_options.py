@@ -34,6 +34,7 @@ def _click_options(others: list[click.Parameter]) -> list[click.Option]:
 
     Methods may share a name. One that the command needs itself is left out, with a warning.
     """
+    from skinlab.inference.methods import METHODS
     from skinlab.plugins import warn
 
     taken = {flag for p in others for flag in (*p.opts, *p.secondary_opts, f"--{p.name}")}
@@ -42,7 +43,8 @@ def _click_options(others: list[click.Parameter]) -> list[click.Option]:
     for name, readers in _readers().items():
         first = readers[0][1]
         if first.flag in taken or f"--{name}" in taken:
-            warn(f"method {readers[0][0].name}: its option {first.flag} is one of the command's")
+            who = METHODS.said(readers[0][0].name)
+            warn(f"{who}: its option {first.flag} is the command's; expected another name")
             continue
         help_ = "; ".join(f"{m.name}: {o.help}  [default: {o.default:{_g(o)}}]" for m, o in readers)
         options.append(click.Option([first.flag, name], metavar=first.metavar, help=help_))

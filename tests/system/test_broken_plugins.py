@@ -104,7 +104,7 @@ OF_METHODS = {
     "outside": "ValueError: X1_MPa is 31622.8; expected 0.005 to 0.2",
     "error": "ValueError: its error_um is nan; expected a finite number",
     "minima": "ValueError: its minima hold nan; expected finite numbers",
-    "counts": "TypeError: its iterations are None; expected an int",
+    "counts": "TypeError: its iterations are None; expected an int, 0 or more",
 }
 
 
@@ -400,7 +400,10 @@ def test_what_cannot_work_is_left_out_and_takes_no_command_with_it(tmp_path):
     for (_, name), why in LEFT_OUT.items():
         assert f"{name!r}: left out, because it is broken: {why}" in refused[name]
     assert simulated.returncode == 0
-    assert simulated.stderr == "skinlab: law ours: its option --aperture-mm is the command's\n"
+    assert simulated.stderr == (
+        "skinlab: plugin odd, law 'ours': its option --aperture-mm is the command's; expected "
+        "another name\n"
+    )
     assert measured.returncode == 0
     assert {f"skinlab: plugin odd, {why}" for why in LATER} == set(measured.stderr.splitlines())
     assert json.loads(measured.stdout)["curves"][0]["parameters"]

@@ -165,22 +165,48 @@ def check_method(one: object) -> None:
             f"it is a {type(one).__name__}; expected a skinlab.inference.methods.base.Method"
         )
     texts(one, "meaning")
-    if not callable(one.search):
-        raise TypeError(f"its search is a {type(one.search).__name__}; expected a function")
+    for name in ("search", "settle", "remarks"):
+        if not callable(given := getattr(one, name)):
+            raise TypeError(f"its {name} is a {type(given).__name__}; expected a function")
+    in_box: object = one.in_papers_box
+    if not isinstance(in_box, bool):
+        raise TypeError(f"its in_papers_box is {in_box!r}; expected True or False")
     most: object = one.most_fitted
     if not isinstance(most, int) or most < 2:
         raise TypeError(f"its most_fitted is {most!r}; expected an int above 1")
     options: object = one.options
     if not isinstance(options, tuple) or not all(isinstance(o, Option) for o in options):
         raise TypeError("its options are not skinlab.inference.methods.base.Option")
+    for option in one.options:
+        _check_option(option)
+    names = [option.name for option in one.options]
+    if len(set(names)) < len(names):
+        raise ValueError(f"two of its options have one name: {', '.join(names)}")
     if not isinstance(one.settle(Options()), Options):
         raise TypeError("its settle returns no Options")
-    if not all(isinstance(remark, str) for remark in one.remarks(Options())):
-        raise TypeError("its remarks are no texts")
+    remarks: object = one.remarks(Options())
+    if not isinstance(remarks, tuple | list) or not all(isinstance(r, str) for r in remarks):
+        raise TypeError(f"its remarks are {remarks!r}; expected a tuple of texts")
+
+
+def _check_option(option: Option[Any]) -> None:
+    """Check an option that a method declares.
+
+    Raises:
+        TypeError, InputError: the command line cannot have it.
+    """
+    name: object = option.name
     common = {f.name for f in fields(Options)} | {"method", "seed"}
-    for option in one.options:
-        if not option.name.isidentifier() or option.name in common:
-            raise TypeError(f"its option {option.name!r} is not a name, or one of all methods")
-        if type(option.default) not in _KINDS:
-            raise TypeError(f"its option {option.name} has no default of type int, float or str")
-        option.checked(option.default)
+    if not isinstance(name, str) or not name.isidentifier() or name in common:
+        raise TypeError(f"its option {name!r} is not a name, or one of all methods")
+    for field in ("help", "expected"):
+        if not isinstance(text := getattr(option, field), str):
+            raise TypeError(f"its option {name}: {field} is {text!r}; expected a text")
+    if type(option.default) not in _KINDS:
+        raise TypeError(f"its option {name} has no default of type int, float or str")
+    choices: object = option.choices
+    if not isinstance(choices, tuple) or not callable(option.accepts):
+        raise TypeError(
+            f"its option {name}: expected a tuple of choices, and a function that accepts"
+        )
+    option.checked(option.default)

@@ -31,13 +31,18 @@ def checked_estimate(estimate: object, space: ParameterSpace) -> Estimate:
     error_um: object = estimate.error_um
     if not isinstance(error_um, Real) or not math.isfinite(error_um):
         raise ValueError(f"its error_um is {error_um}; expected a finite number")
+    if float(error_um) < 0.0:
+        raise ValueError(f"its error_um is {error_um}; expected 0 or more")
     for name in ("iterations", "evaluations"):
         number: object = getattr(estimate, name)
-        if not isinstance(number, Integral):
-            raise TypeError(f"its {name} are {number!r}; expected an int")
+        if not isinstance(number, Integral) or int(number) < 0:
+            raise TypeError(f"its {name} are {number!r}; expected an int, 0 or more")
+    converged: object = estimate.converged
+    if not isinstance(converged, bool | np.bool_):  # a text "no" is true
+        raise TypeError(f"its converged is {converged!r}; expected True or False")
     minima = estimate.minima
     if minima is not None:
-        minima = _numbers("minima", minima, (len(minima), count))
+        minima = _numbers("minima", minima, (*np.shape(minima)[:1], count))
         if len(minima) and not (minima.min() >= -_SLACK and minima.max() <= 1.0 + _SLACK):
             raise ValueError("its minima lie outside of the unit cube; expected 0 to 1")
     return Estimate(

@@ -88,7 +88,10 @@ def test_a_method_takes_no_command_its_help(capsys):
         }
     assert "--slowdown" in flags
     assert "--help" not in flags
-    assert "method mine: its option --help is one of the command's" in capsys.readouterr().err
+    assert (
+        "method 'mine': its option --help is the command's; expected another"
+        in capsys.readouterr().err
+    )
 
 
 def test_a_simulated_curve_replaces_a_file_only_by_force(capsys, curve_csv):
