@@ -113,7 +113,7 @@ class Registry(Generic[T]):
         self._lock = threading.RLock()
         self._found: dict[str, T] = {}
         self._origins: dict[str, Origin] = {}
-        self._refused: dict[str, str] = {}
+        self._refused: dict[str, list[tuple[Origin, str]]] = {}
         self._looked = False
 
     def names(self) -> tuple[str, ...]:
@@ -135,7 +135,7 @@ class Registry(Generic[T]):
         try:
             return self._all()[name]
         except KeyError:
-            why = self._refused.get(name)
+            why = "; ".join(sentence for _, sentence in self._refused.get(name, ()))
             known, near = ", ".join(self.names()), did_you_mean(name, self.names())
             raise InputError(
                 f"{self._called(name)} is not known{f' ({why})' if why else ''}; "
@@ -167,10 +167,10 @@ class Registry(Generic[T]):
         """
         return AtWork(partial(self.who, name), self._called(name) if refuses else None)
 
-    def refused(self) -> dict[str, str]:
-        """Return why, by name, installed extensions are not there."""
+    def refused(self) -> list[tuple[str, Origin, str]]:
+        """Return the name, the origin and why it is not there, of each that was left out."""
         self._all()
-        return dict(self._refused)
+        return [(name, *one) for name, each in self._refused.items() for one in each]
 
     @contextlib.contextmanager
     def lent(self, one: T) -> Iterator[T]:
@@ -205,7 +205,7 @@ class Registry(Generic[T]):
             self._found[one.name] = one
         for entry in entries(self.group):
             if (why := self._take(entry)) is not None:
-                self._refused.setdefault(entry.name, why)
+                self._refused.setdefault(entry.name, []).append((origin_of(entry), why))
                 warn(why)
 
     def _take(self, entry: EntryPoint) -> str | None:

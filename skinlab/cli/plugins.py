@@ -13,6 +13,7 @@ from skinlab.cli.output import echo, echo_text, print_json
 
 if TYPE_CHECKING:
     from skinlab.extensions.rules import Kind
+    from skinlab.plugins import Origin
 
 SCHEMA = "skinlab.plugins/1"
 DIFFERS = 1
@@ -54,26 +55,20 @@ def command(ctx: click.Context, table: str | None, as_json: bool) -> int | None:
 
 
 def _entries(kind: Kind[Any]) -> Iterator[dict[str, Any]]:
-    from skinlab.plugins import entries, origin_of
-
     for name in kind.registry.names():
-        origin = kind.registry.origin(name)
-        yield {
-            "kind": kind.name,
-            "name": name,
-            "distribution": None if origin is None else origin.distribution,
-            "version": None if origin is None else origin.version,
-            "error": None,
-        }
-    origins = {entry.name: origin_of(entry) for entry in entries(kind.registry.group)}
-    for name, why in kind.registry.refused().items():
-        yield {
-            "kind": kind.name,
-            "name": name,
-            "distribution": origins[name].distribution,
-            "version": origins[name].version,
-            "error": why,
-        }
+        yield _entry(kind, name, kind.registry.origin(name), None)
+    for name, origin, why in kind.registry.refused():
+        yield _entry(kind, name, origin, why)
+
+
+def _entry(kind: Kind[Any], name: str, origin: Origin | None, why: str | None) -> dict[str, Any]:
+    return {
+        "kind": kind.name,
+        "name": name,
+        "distribution": None if origin is None else origin.distribution,
+        "version": None if origin is None else origin.version,
+        "error": why,
+    }
 
 
 def _warn_of_groups() -> bool:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from copy import copy
 from dataclasses import fields, replace
 from numbers import Real
@@ -54,6 +54,13 @@ def checked_part(name: str, part: object, count: int) -> Part:
     for field in ("always", "lasting"):
         if not isinstance(getattr(part, field), bool | np.bool_):
             raise TypeError(f"its {field} is {getattr(part, field)!r}; expected True or False")
+    for field, kind in (("parameters", tuple | list), ("stated", Mapping)):
+        given: object = getattr(part, field)
+        if not isinstance(given, kind):
+            raise TypeError(
+                f"its {field} is a {type(given).__name__}; expected a "
+                f"{'mapping' if kind is Mapping else 'tuple'}"
+            )
     for one in part.parameters:
         _check_prior(one)
     _check_names(name, [*(p.name for p in part.parameters), *part.stated])
@@ -191,7 +198,12 @@ def _checked_terms(terms: object, count: int) -> Terms:
     """
     if not isinstance(terms, Terms):
         raise TypeError(f"terms returned a {type(terms).__name__}; expected Terms")
-    wide = () if terms.columns_mm is None else np.shape(terms.columns_mm)[1:2] or (0,)
+    wide = () if terms.columns_mm is None else np.shape(terms.columns_mm)[1:]
+    if terms.columns_mm is not None and (len(wide) != 1 or len(terms.columns_mm) != count):
+        raise TypeError(
+            f"columns_mm has the shape {np.shape(terms.columns_mm)}; expected ({count}, m), a row "
+            "a sample"
+        )
     wanted = {
         "variance_mm2": (terms.variance_mm2, ((), (count,))),
         "stretch": (terms.stretch, ((count,),)),

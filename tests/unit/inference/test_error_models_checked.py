@@ -83,6 +83,16 @@ BAD = {
     "a pair": (of(lambda n, v: Terms(ou=(1, 1))), "ou is a tuple; expected an OrnsteinUhlenbeck"),
     "sizes": (with_columns(sizes=np.array([np.nan])), "sizes is not finite"),
     "as many": (with_columns(sizes=np.ones(3)), "sizes has the shape (3,); expected (1,)"),
+    "a row": (
+        of(lambda n, v: Terms(columns_mm=np.ones(n))),
+        f"has the shape ({COUNT},); expected ({COUNT}, m)",
+    ),
+    "turned": (
+        of(lambda n, v: Terms(columns_mm=np.ones((2, n)))),
+        f"(2, {COUNT}); expected ({COUNT}, m)",
+    ),
+    "none stated": (of(stated=None), "its stated is a NoneType; expected a mapping"),
+    "one prior": (of(parameters=SIZE), "its parameters is a Hyperparameter; expected a tuple"),
     "text": (of(lambda n, v: Terms("a")), "variance_mm2 is of the type <U1; expected numbers"),
     "flat": (stretched(0.0), "stretch is not above 0"),
     "below": (stretched(-1.0), "stretch is not above 0"),
