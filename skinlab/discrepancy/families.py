@@ -143,8 +143,9 @@ def ask_family(one: LearnedEffect, ask: Callable[[], A | None]) -> A | None:
         if who is None:
             raise
         why = error.__cause__ if isinstance(error, BrokenPluginError) else error
-        assert why is not None
-        warn(f"{who}: broke down, and is left out: {reason(why)}")
+        # What another process raised comes without its cause, and is a sentence already.
+        told = f"{error}; it is left out"
+        warn(told if why is None else f"{who}: broke down, and is left out: {reason(why)}")
         return None
 
 

@@ -11,7 +11,7 @@ from skinlab.curves.pressure_path import PressurePath
 from skinlab.curves.program import parse_program
 from skinlab.errors import InputError
 from skinlab.extensions.rules import Kind, expect, in_a_name
-from skinlab.mechanics.effects import EFFECTS, Effect, Parameter
+from skinlab.mechanics.effects import EFFECTS, Effect, Parameter, all_effects
 from skinlab.mechanics.effects.base import Array, Values
 from skinlab.mechanics.effects.history import shows_history
 from skinlab.mechanics.effects.learned import LearnedEffect, Seen
@@ -56,6 +56,11 @@ def it_says_what_it_is(effect: Effect) -> None:
         text = getattr(effect, name)
         expect(text and text.strip() == text, f"{name} is empty, or has blanks around it")
         expect("\n" not in text, f"{name} has more than one line")
+    kinds = {one.family for one in all_effects()} - {""}
+    known = ", ".join(sorted(kinds))
+    expect(
+        effect.form_of in {"", *kinds}, f"form_of is {effect.form_of!r}; expected one of: {known}"
+    )
     size = next((p for p in effect.parameters if p.zero is not None), None)
     expect(size is not None, "no parameter has a zero")
     expect(size and size.typical != size.zero, "the typical size of it is its zero")

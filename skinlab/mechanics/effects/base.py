@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from numbers import Real
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -136,8 +136,8 @@ def check_effect(one: object) -> None:
     if not isinstance(one.order, int):
         raise TypeError(f"its order is {one.order!r}; expected an int")
     _check_physical(one)
-    _check_family(one)
     check_declared(one.parameters)
+    _check_family(one)
     for p in one.parameters:  # it is searched between its bounds; a law says where to search
         if p.spacing == "log" and not p.low > 0.0:
             raise ValueError(f"its parameter {p.name}: low is {p.low:g}; log needs more than 0")
@@ -169,10 +169,31 @@ def _check_family(one: Effect) -> None:
         TypeError: it is not: it would neither be named nor learned.
     """
     if one.family:
-        needs(one, "x_name", "y_name", "abscissa", "function", "sentence")
-        texts(one, "x_name", "y_name")
+        own = ("abscissa", "function", "sentence", "range_name", "own_of_each")
+        needs(one, "x_name", "y_name", *own)
+        texts(one, "x_name", "y_name", "range_name")
+        _check_range(one)
     elif hasattr(one, "own_of_each"):
         raise TypeError("its family is empty; expected what it is called in a verdict")
+
+
+def _check_range(one: Any) -> None:
+    """Check which parameter of a learned effect is the length of its function's range.
+
+    Raises:
+        TypeError: more than one has no zero, and each would be taken for it; or it is none of them.
+    """
+    lengths = [p.name for p in one.parameters if p.zero is None]
+    if len(lengths) > 1:
+        raise TypeError(
+            f"{' and '.join(lengths)} have no zero; expected one such parameter of a learned "
+            "effect, the length of its range"
+        )
+    if one.range_name not in (*lengths, "") or (one.own_of_each and not one.range_name):
+        raise TypeError(
+            f"its range_name is {one.range_name!r}; expected the parameter without a zero, "
+            f"{lengths[0] if lengths else 'and there is none'}"
+        )
 
 
 def _check_tried(one: Effect) -> None:

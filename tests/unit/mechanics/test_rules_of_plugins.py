@@ -246,6 +246,37 @@ def test_an_effect_of_a_family_that_is_no_learned_one_is_refused():
         check_effect(nameless())
 
 
+def test_a_form_of_a_kind_that_there_is_not_is_found():
+    """It would stand against no function: the slip would change verdicts."""
+    creep = type(EFFECTS.get("viscoelasticity"))
+    it_says_what_it_is(creep())
+    with pytest.raises(BrokenRuleError, match="form_of is 'tme'; expected one of: frame, history"):
+        it_says_what_it_is(type("Of", (creep,), {"form_of": "tme"})())
+
+
+FRAME = type(EFFECTS.get("learned_frame"))
+SPAN = Parameter("span_mm", "mm", "a length", 0.1, 9.0, None, 1.0, "an example")
+
+
+@pytest.mark.parametrize(
+    ("own", "says"),
+    [
+        (
+            {"parameters": (*FRAME.parameters, SPAN)},
+            "span_mbar and span_mm have no zero; expected one such parameter",
+        ),
+        ({"range_name": "span"}, "its range_name is 'span'; expected the .*, span_mbar"),
+        ({"range_name": "", "own_of_each": True}, "its range_name is ''; expected the parameter"),
+        ({"range_name": None}, "its range_name is None; expected a text"),
+    ],
+)
+def test_a_learned_effect_has_one_length(own, says):
+    """Each parameter without a zero had been set to the length of the range."""
+    check_effect(FRAME())
+    with pytest.raises(TypeError, match=says):
+        check_effect(type("Of", (FRAME,), own)())
+
+
 PATH = PressurePath((0.0, 1.0), (0.0, 10.0))
 
 
