@@ -24,6 +24,7 @@ Everything but `[model] name` and an effect's `value` may be left out. Decoded s
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 import json
 import math
@@ -37,7 +38,7 @@ import msgspec
 from msgspec import field
 
 from drivers.reading import read_whole
-from skinlab.errors import InputError
+from skinlab.errors import BrokenPluginError, InputError
 from skinlab.io.documents import decode, read_toml, toml_text
 from skinlab.io.files import named_in_errors
 from skinlab.mechanics.effects import checked, get_effect
@@ -311,6 +312,23 @@ def check_model(model: Model) -> None:
             _check_range(where, at, low, high, widest[parameter])
             if not low <= values[parameter] <= high:
                 raise InputError(f"{where}.value is {at.value:g}: expected {low:g} to {high:g}")
+    if model.effects:
+        _check_together(model)
+
+
+def _check_together(model: Model) -> None:
+    """Refuse values that no skin has together: of a usual one, under the usual opening.
+
+    Raises:
+        InputError: names the effect.
+    """
+    from skinlab.mechanics.effects.model import problem_of
+    from skinlab.mechanics.fem.skin import Skin
+    from skinlab.mechanics.fem.suction import Geometry
+
+    typical = tuple(p.typical for p in model.law.parameters)
+    with contextlib.suppress(BrokenPluginError):  # the curve that it breaks down at tells of it
+        problem_of(Skin(typical, law=model.model.law), model.values, Geometry(6.0, 1.0))
 
 
 def _check_range(

@@ -117,6 +117,11 @@ def test_names_that_need_quoting_survive(tmp_path):
             "effects.viscoelasticity.g.value: expected a number, got a text",
         ),
         ("value = 0.3", "", "effects.viscoelasticity.g: .*`value` is missing"),
+        (
+            "[provenance]",
+            "[effects.viscoelasticity.g2]\nvalue = 0.8\n[provenance]",
+            "effects.viscoelasticity: the shares g of the stress that relaxes: expected a",
+        ),
         ("high = 0.8", "high = 1.8", "effects.viscoelasticity.g.high is 1.8: expected 0 to 0.9"),
         ("sd = 0.05", "sd = 0", "effects.viscoelasticity.g.prior: .*positive sd"),
         (
