@@ -11,10 +11,10 @@ import math
 from collections.abc import Iterator
 from dataclasses import replace
 from numbers import Integral, Real
-from pathlib import Path
 from types import NoneType, UnionType
 from typing import Any, get_args, get_origin, get_type_hints
 
+from drivers.breakdown import reason
 from drivers.capabilities import Capabilities, Stream
 from drivers.dialect import Dialect
 from drivers.dialects import dialect_name, stream_of
@@ -150,7 +150,7 @@ class GuardedDialect:
             raise
         except BaseException as error:
             raise BrokenDialectError(
-                f"{dialect_name(self._dialect)}: broke down: {_reason(error)}"
+                f"{dialect_name(self._dialect)}: broke down: {reason(error)}"
             ) from error
 
 
@@ -214,16 +214,3 @@ def _check_fields(data: object, reason: object) -> None:
 def _a(value: object) -> str:
     name = type(value).__name__
     return f"{'an' if name[0] in 'aeiou' else 'a'} {name}"
-
-
-def _reason(error: BaseException) -> str:
-    """Return an error in one line, with the place that it comes from."""
-    import traceback  # slow to import
-
-    message = " ".join(str(error).split())
-    text = f"{type(error).__name__}: {message}" if message else type(error).__name__
-    here = Path(__file__).parent
-    files = [
-        f for f in traceback.extract_tb(error.__traceback__) if Path(f.filename).parent != here
-    ]
-    return text + (f" ({Path(files[-1].filename).name} line {files[-1].lineno})" if files else "")

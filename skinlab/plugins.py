@@ -26,6 +26,7 @@ from importlib.machinery import PathFinder
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Generic, Protocol, TypeVar
 
+from drivers.breakdown import reason
 from skinlab.errors import BrokenPluginError, InputError, SkinlabError
 from skinlab.text import did_you_mean, inert
 
@@ -283,28 +284,6 @@ def _built_in(package: str, attribute: str) -> Iterator[Any]:
             yield getattr(module, attribute)
 
 
-def reason(error: BaseException) -> str:
-    """Return an error in one line, with the place that it comes from."""
-    import traceback  # slow to import
-
-    message = " ".join(str(error).split())
-    text = f"{type(error).__name__}: {message}" if message else type(error).__name__
-    frames = [f for f in traceback.extract_tb(error.__traceback__) if _outside(f.filename)]
-    if frames:
-        text += f" ({Path(frames[-1].filename).name} line {frames[-1].lineno})"
-    return text
-
-
-def _outside(filename: str) -> bool:
-    """Whether a file is neither Python's own nor ours, nor of what everybody computes with."""
-    path, ours = Path(filename), Path(__file__).parents[1]
-    if filename.startswith("<") or any(path.is_relative_to(ours / name) for name in _OURS):
-        return False
-    if "site-packages" in path.parts:
-        return not {"numpy", "scipy"} & set(path.parts)
-    return not path.is_relative_to(Path(os.__file__).parent)
-
-
 def needs(one: object, *attributes: str) -> None:
     """Check that an extension has a name, and what else its kind has to have.
 
@@ -406,8 +385,7 @@ def installed() -> dict[str, str]:
     """
     modules: dict[Origin, set[str]] = {}
     for entry in entries():
-        top = str(entry.value).partition(":")[0].partition(".")[0].strip()
-        modules.setdefault(origin_of(entry), set()).add(top)
+        modules.setdefault(origin_of(entry), set()).add(_package(entry))
     return {
         origin.distribution: f"{origin.version} {_hash(names)}"
         for origin, names in sorted(modules.items(), key=lambda item: item[0].distribution)
@@ -420,10 +398,15 @@ def blamed(error: BaseException) -> str | None:
 
     files = {Path(frame.filename) for frame in traceback.extract_tb(error.__traceback__)}
     for entry in entries():
-        top = str(entry.value).partition(":")[0].partition(".")[0].strip()
-        if top not in _OURS and files & set(_sources(top)):
+        package = _package(entry)
+        if package not in _OURS and files & set(_sources(package)):
             return f"plugin {origin_of(entry).distribution}: broke down: {reason(error)}"
     return None
+
+
+def _package(entry: EntryPoint) -> str:
+    """Return the top package, or the module, that an entry point's object is in."""
+    return str(entry.value).partition(":")[0].partition(".")[0].strip()
 
 
 def _hash(modules: set[str]) -> str:

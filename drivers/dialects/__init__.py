@@ -19,6 +19,7 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import unquote
 
+from drivers.breakdown import reason
 from drivers.capabilities import Capabilities, Stream
 from drivers.dialect import Dialect
 from drivers.errors import UnknownDialectError
@@ -190,7 +191,7 @@ def _installed() -> dict[str, tuple[Dialect, tuple[str, str]]]:
         except KeyboardInterrupt:
             raise
         except BaseException as error:  # noqa: BLE001 -- anything may be in it
-            _warn(f"{who} it is broken: {type(error).__name__}: {error}")
+            _warn(f"{who} it is broken: {reason(error)}")
     return found
 
 

@@ -167,7 +167,9 @@ class Discipline:
             if name in base.effects:
                 continue
             with EFFECTS.at_work(name):
-                why = get_effect(name).unseen(values, longest_s)
+                why: object = get_effect(name).unseen(values, longest_s)
+                if not isinstance(why, str):
+                    raise TypeError(f"unseen returned {why!r}; expected a text")
             if why:
                 yield Trial("seen", False, why)
 

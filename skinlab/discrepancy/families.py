@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import logsumexp
 
+from drivers.breakdown import reason
 from skinlab.discrepancy.candidates import LOG10, Candidate, Found
 from skinlab.discrepancy.fit import NO_LIMIT, Fit, Limit
 from skinlab.discrepancy.posterior import Posterior
@@ -32,7 +33,7 @@ from skinlab.mechanics.effects import EFFECTS, all_effects
 from skinlab.mechanics.effects.installed import check_series
 from skinlab.mechanics.effects.learned import PRIOR_SIZES, LearnedEffect, Seen
 from skinlab.mechanics.fem.suction import SCREENING_MESH
-from skinlab.plugins import reason, warn
+from skinlab.plugins import warn
 
 Array = NDArray[np.float64]
 A = TypeVar("A")

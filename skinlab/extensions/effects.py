@@ -56,6 +56,8 @@ def it_says_what_it_is(effect: Effect) -> None:
         text = getattr(effect, name)
         expect(text and text.strip() == text, f"{name} is empty, or has blanks around it")
         expect("\n" not in text, f"{name} has more than one line")
+    why: object = effect.unseen(effect.typical, 1.0)
+    expect(isinstance(why, str), f"unseen returned {why!r}; expected a text, empty: it can be seen")
     kinds = {one.family for one in all_effects()} - {""}
     known = ", ".join(sorted(kinds))
     expect(

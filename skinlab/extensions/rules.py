@@ -7,8 +7,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Generic, TypeVar
 
+from drivers.breakdown import reason
 from skinlab.errors import BrokenPluginError
-from skinlab.plugins import Named, Registry, reason
+from skinlab.plugins import Named, Registry
 
 T = TypeVar("T", bound=Named)
 

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import TYPE_CHECKING, TypeVar
 
+from drivers.breakdown import reason
 from skinlab.plugins import Registry, needs, texts, warn
 
 if TYPE_CHECKING:
@@ -50,7 +51,7 @@ def part_of(model: ErrorModel, look: Look) -> Part | None:
     except KeyboardInterrupt:
         raise
     except BaseException as error:  # noqa: BLE001 -- no plugin may end others' answers
-        warn(f"{who}: broke down, and is left out: {type(error).__name__}: {error}")
+        warn(f"{who}: broke down, and is left out: {reason(error)}")
         return None
 
 

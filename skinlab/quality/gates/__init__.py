@@ -7,6 +7,7 @@ finds the same.
 
 from __future__ import annotations
 
+from drivers.breakdown import reason
 from skinlab.plugins import Registry, texts, warn
 from skinlab.quality.gates.base import CurveSoFar, Finding, Gate, check_gate
 
@@ -32,6 +33,6 @@ def judge(gate: Gate, view: CurveSoFar) -> Finding | None:
     except KeyboardInterrupt:
         raise
     except BaseException as error:  # noqa: BLE001 -- no plugin may end a measurement
-        warn(f"{who}: broke down, and judges nothing: {type(error).__name__}: {error}")
+        warn(f"{who}: broke down, and judges nothing: {reason(error)}")
         return None
     return found

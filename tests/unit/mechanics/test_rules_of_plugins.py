@@ -254,6 +254,12 @@ def test_a_form_of_a_kind_that_there_is_not_is_found():
         it_says_what_it_is(type("Of", (creep,), {"form_of": "tme"})())
 
 
+def test_why_it_is_not_seen_is_a_text():
+    own = {"unseen": lambda self, values, longest_s: None}
+    with pytest.raises(BrokenRuleError, match="unseen returned None; expected a text"):
+        it_says_what_it_is(type("Of", (type(EFFECTS.get("viscoelasticity")),), own)())
+
+
 FRAME = type(EFFECTS.get("learned_frame"))
 SPAN = Parameter("span_mm", "mm", "a length", 0.1, 9.0, None, 1.0, "an example")
 
