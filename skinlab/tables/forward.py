@@ -96,7 +96,8 @@ def simulate_from(
 
     deflection = np.full(len(time_s), np.nan)
     there, holds = None, 0
-    fails = 1 + (len(covered) if covered.all() else int(covered.argmin()))
+    reach = len(covered) if covered.all() else int(covered.argmin())
+    fails = 1 + reach
     while fails - holds > 1:  # the whole first, then halves: a part holds where more of it does
         samples = fails - 1 if holds == 0 and fails > len(time_s) else (holds + fails) // 2
         tried = model(samples)
@@ -105,7 +106,7 @@ def simulate_from(
             deflection[:samples], there, holds = found, tried, samples
         else:
             fails = samples
-    curve, ends = _as_far_as_it_holds(skin.law, setup, time_s, pressure, deflection)
+    curve, ends = _as_far_as_it_holds(skin.law, setup, time_s, pressure, deflection, reach)
     if there is None or not there.creases(parameters[None])[0]:
         return curve, ends
     error_mm = np.linalg.norm(there.error_shapes_mm(parameters), axis=1).max()
@@ -151,18 +152,25 @@ def _asked(setup: Setup, rate_hz: float) -> tuple[Array, Array]:
 
 
 def _as_far_as_it_holds(
-    law: str, setup: Setup, time_s: Array, pressure: Array, deflection: Array
+    law: str,
+    setup: Setup,
+    time_s: Array,
+    pressure: Array,
+    deflection: Array,
+    reach: int | None = None,
 ) -> tuple[Curve, str | None]:
-    """Return the curve up to where it has values, and a warning where that is not the end."""
+    """Return the curve up to where it has values, and a warning where that is not the end.
+
+    `reach` are the samples that a database speaks of; None: there is none.
+    """
     holds = np.isfinite(deflection)
     end = len(holds) if holds.all() else int(np.argmin(holds))
     warning = None
     if end < len(holds):
         who = LAWS.who(law)
-        warning = (
-            f"the model{f' of {who}' if who else ''} holds to "
-            f"{pressure[:end].max(initial=0.0):.4g} mbar only; the curve ends there"
-        )
+        what = "the database" if end == reach else f"the model{f' of {who}' if who else ''}"
+        highest = pressure[:end].max(initial=0.0)
+        warning = f"{what} holds to {highest:.4g} mbar only; the curve ends there"
         if end < SAMPLES.fewest:
             raise NotTrustworthyError(warning)
     curve = Curve("simulated", setup, time_s[:end], pressure[:end], deflection[:end])

@@ -278,6 +278,14 @@ def test_pressures_beyond_are_left_out_and_flagged(tiny, tmp_path, capsys):
     assert answer["fitted_points"] < answer["points"]
 
 
+def test_forward_says_that_the_database_ends_and_not_the_model(tiny):
+    setup = Setup(6.0, 1.0, parse_program("ramp:90@20"))
+    with_tension = {"natural_tension": {"stretch": 1.02}}
+    curve, ends = simulate_from(read(tiny), Skin((0.03, 1.0, 0.32)), with_tension, setup)
+    assert 60.0 <= curve.pressure_mbar[-1] < 62.0
+    assert ends.endswith("the database holds to 61 mbar only; the curve ends there")
+
+
 @pytest.mark.long
 def test_two_processes_give_the_same_bits(corners):
     spec, whole = corners
