@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from typing import Any
 
@@ -30,6 +31,8 @@ def what_it_returns_can_be_computed_with(model: ErrorModel) -> None:
         names = [p.name for p in part.parameters]
         expect(all("_" in name for name in names), "a parameter's name ends with no unit")
         expect(part.always or part.why.strip(), "it says no why")
+        other = set(re.findall(r"\{(.*?)\}", part.why)) - {*names, *part.stated}
+        expect(not other, f"its why has {', '.join(sorted(other))} in braces; expected parameters")
         values = [[size * p.median for p in part.parameters] for size in _SIZES]
         for each in values:
             part.terms(each)

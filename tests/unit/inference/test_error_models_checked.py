@@ -207,3 +207,10 @@ def test_what_a_model_changes_in_place_is_its_own(installed):
     assert values == [3.0]
     assert np.array_equal(LOOK.residual_mm, residual)
     assert np.array_equal(LOOK.samples.time_s, time)
+
+
+def test_a_why_has_its_own_parameters_in_braces():
+    """What is none of them is told in braces to who reads the result."""
+    assert broken(what_it_returns_can_be_computed_with, of(why="of {hum_um} µm")) is None
+    told = broken(what_it_returns_can_be_computed_with, of(why="of {hum} µm"))
+    assert told == "its why has hum in braces; expected parameters"
