@@ -65,13 +65,15 @@ class AtWork:
     """Name an installed extension that breaks down while this lasts: a context manager.
 
     A class, since fits enter it often, and a generator is slow. `who` returns how a sentence names
-    it; None: it is built in, and its error comes through as it is. `refuses`: what it is called
-    where it may refuse values that a user stated; that is then named, too.
+    it; None: it is built in, and its error comes through as it is. `refuses` returns what it is
+    called where it may refuse values that a user stated; that is then named, too.
     """
 
     __slots__ = ("_refuses", "_who")
 
-    def __init__(self, who: Callable[[], str | None], refuses: str | None = None) -> None:
+    def __init__(
+        self, who: Callable[[], str | None], refuses: Callable[[], str] | None = None
+    ) -> None:
         self._who, self._refuses = who, refuses
 
     def __enter__(self) -> None:
@@ -82,7 +84,9 @@ class AtWork:
             return
         if isinstance(error, SkinlabError):
             if self._refuses is not None and isinstance(error, InputError):
-                raise InputError(f"{self._who() or self._refuses}: {error}") from error
+                named = f"{self._who() or self._refuses()}: "
+                if not str(error).startswith(named):  # one part of it may ask another
+                    raise InputError(f"{named}{error}") from error
         elif (who := self._who()) is not None:
             raise broken(who, error) from error
 
@@ -166,7 +170,7 @@ class Registry(Generic[T]):
             BrokenPluginError: it did; an error of what is built in comes through as it is.
             InputError: it refuses values.
         """
-        return AtWork(partial(self.who, name), self._called(name) if refuses else None)
+        return AtWork(partial(self.who, name), partial(self._called, name) if refuses else None)
 
     def refused(self) -> list[tuple[str, Origin, str]]:
         """Return the name, the origin and why it is not there, of each that was left out."""

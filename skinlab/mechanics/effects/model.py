@@ -267,7 +267,7 @@ class Sensors:
         What is installed is given copies, here and in `read`: it may change them in place.
         """
         for effect, values in self.chain:
-            with EFFECTS.at_work(effect.name):
+            with EFFECTS.at_work(effect.name, refuses=True):
                 if EFFECTS.origin(effect.name) is None:
                     time_s = effect.when(time_s, values)
                     continue
@@ -282,7 +282,7 @@ class Sensors:
         """Return what is recorded (n,); `first_s` is the time of the curve's first sample."""
         since_s = time_s - first_s
         for effect, values in self.chain:
-            with EFFECTS.at_work(effect.name):
+            with EFFECTS.at_work(effect.name, refuses=True):
                 if EFFECTS.origin(effect.name) is None:
                     deflection_mm = effect.read_along(since_s, pressure_mbar, deflection_mm, values)
                     continue

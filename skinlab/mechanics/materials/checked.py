@@ -24,8 +24,9 @@ def told(who: str) -> AtWork:
 
     Raises:
         BrokenPluginError: it did.
+        InputError: it refuses its parameters.
     """
-    return AtWork(lambda: who)
+    return AtWork(lambda: who, lambda: who)
 
 
 def check_arrays(

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from dataclasses import replace
 
+import numpy as np
 import pytest
 from skinlab_example.fung import Fung
 
@@ -16,9 +17,10 @@ from skinlab.extensions.laws import nothing_at_rest
 from skinlab.extensions.rules import broken
 from skinlab.mechanics.effects import EFFECTS
 from skinlab.mechanics.effects.base import Effect
-from skinlab.mechanics.effects.model import felt_path, problem_of
+from skinlab.mechanics.effects.model import Sensors, felt_path, problem_of
 from skinlab.mechanics.fem.skin import Skin
 from skinlab.mechanics.fem.suction import Geometry
+from skinlab.mechanics.materials.checked import small_strains
 from skinlab.parameters import Parameter
 
 SKIN = Skin((0.04, 1.5, 0.32))
@@ -94,3 +96,22 @@ def test_the_place_of_an_error_is_no_line_of_pythons_own():
         broken(nothing_at_rest, law) == "plugin works, law 'of': broke down: TypeError: energy is "
         "an array of complex128; expected an array of numbers"
     )
+
+
+def refuses(*_):
+    raise InputError("no such skin")
+
+
+def test_a_plugin_that_refuses_is_named():
+    law = type("Of", (Fung,), {"plugin": "plugin works, law 'of'", "isochoric": refuses})()
+    with pytest.raises(InputError, match=r"^plugin works, law 'of': no such skin$"):
+        nothing_at_rest(law)
+    with pytest.raises(InputError, match=r"^plugin works, law 'of': no such skin$"):
+        law.checked_first(*small_strains(), {})
+
+
+def test_an_effect_that_refuses_what_it_is_to_read_is_named(monkeypatch):
+    installed_effect(monkeypatch, physical=False, read=refuses)
+    time_s = np.arange(3.0)
+    with pytest.raises(InputError, match=r"^plugin works, effect 'solid': no such skin$"):
+        Sensors.of(GIVEN).read(time_s, time_s, time_s, 0.0)
