@@ -222,9 +222,9 @@ class Registry(Generic[T]):
             by = "is built in" if other is None else f"comes from {other.distribution}"
             return f"{who}: left out, because one of this name {by}"
         try:
-            with _as_it_was():
+            with _as_it_was():  # the check asks it, too
                 one = entry.load()
-            self._check(one)
+                self._check(one)
             if one.name != entry.name:
                 raise TypeError(f"it calls itself {one.name!r}; expected its entry point's name")
             if self._adopt is not None:

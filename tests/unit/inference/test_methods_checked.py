@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import math
+import sys
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from skinlab import plugins
 from skinlab.inference.methods.base import Method, Option, check_method
 from skinlab.inference.methods.checked import checked_estimate
 from skinlab.inference.problem import Estimate
@@ -67,3 +69,18 @@ def test_an_answer_that_cannot_be_is_none(own, says):
     assert checked_estimate(GOOD, SPACE).converged
     with pytest.raises((TypeError, ValueError), match=says):
         checked_estimate(replace(GOOD, **own), SPACE)
+
+
+def test_what_a_method_prints_when_it_is_loaded_is_no_part_of_a_document(capsys):
+    """It had been a line before the JSON of `skinlab plugins --json`."""
+
+    class Entry:
+        name, dist = "mine", None
+
+        def load(self):
+            return method(remarks=lambda options: ("",) * sys.stdout.write("here"))
+
+    found = plugins.Registry("method", "skinlab.none", "METHOD", "skinlab.none", check_method)
+    assert found._take(Entry()) is None
+    said = capsys.readouterr()
+    assert (said.out, said.err) == ("", "here")
