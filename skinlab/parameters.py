@@ -161,12 +161,6 @@ def _check_search(p: Parameter) -> None:
                 raise TypeError(f"{where} ends at {end!r}; expected a number")
         if not -math.inf < one.low < one.high < math.inf:
             raise ValueError(f"{where} is {one.low:g} to {one.high:g}; expected low below high")
-        ratio = isinstance(one, Search) and one.transform == "ratio"
-        if not ratio and not p.low <= one.low < one.high <= p.high:
-            raise ValueError(
-                f"{where} is {one.low:g} to {one.high:g}; expected what lies within {p.low:g} to "
-                f"{p.high:g}"
-            )
         if isinstance(one, Search):
             even, known = one.transform, get_args(Transform)
             for field in ("step", "reach"):
@@ -183,6 +177,11 @@ def _check_search(p: Parameter) -> None:
             raise ValueError(f"{where} is even in {even!r}; expected {', '.join(known)}")
         if even != "linear" and one.low <= 0.0:
             raise ValueError(f"{where} begins at {one.low:g}; {even} needs more than 0")
+        if even != "ratio" and not p.low <= one.low < one.high <= p.high:
+            raise ValueError(
+                f"{where} is {one.low:g} to {one.high:g}; expected what lies within {p.low:g} to "
+                f"{p.high:g}"
+            )
     nodes: object = p.published
     if not isinstance(nodes, tuple) or not all(isinstance(node, Real) for node in nodes):
         raise TypeError(f"its parameter {p.name}: published is {nodes!r}; expected numbers")
