@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import importlib.metadata
 import math
 from dataclasses import replace
+from functools import partial
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from drivers import dialects
 from drivers.capabilities import Capabilities, Stream
 from drivers.dialects import get_dialect
 from drivers.errors import BrokenDialectError, RemoteProtocolError
@@ -303,3 +307,26 @@ def test_a_vent_does_not_wait_for_what_a_slow_dialect_makes_of_a_backlog(make_be
     bench.until(lambda event: isinstance(event, HostVented) and event.reason == "operator")
     bench.until(lambda event: isinstance(event, VentConfirmed))
     assert sent[:2] == [False, True]
+
+
+def test_of_two_packages_with_one_dialect_the_first_by_name_is_taken(monkeypatch, capsys):
+    """As `skinlab plugins` lists them: a measurement had taken whichever was found first."""
+
+    def entry(package, load):
+        dist = SimpleNamespace(name=package, version="1.0")
+        return SimpleNamespace(name="ours", dist=dist, load=load)
+
+    def ours(package):
+        return type("Ours", (type(get_dialect("reference")),), {"name": "ours", "of": package})()
+
+    late, first = (entry(p, partial(ours, p)) for p in ("zebra", "ant"))
+    broken = entry("aardvark", partial(int, "x"))
+    found = [late, broken, first]
+    monkeypatch.setattr(importlib.metadata, "entry_points", lambda group: found)
+    (taken, origin), *others = dialects._installed.__wrapped__().values()
+    assert (taken.of, origin, others) == ("ant", ("ant", "1.0"), [])
+    assert capsys.readouterr().err.splitlines() == [
+        "drivers: plugin aardvark, dialect 'ours': left out, because it is broken: ValueError: "
+        "invalid literal for int() with base 10: 'x'",
+        "drivers: plugin zebra, dialect 'ours': left out, because one of this name comes from ant",
+    ]
