@@ -19,10 +19,9 @@ _SIZES = (0.1, 1.0, 10.0)  # times a parameter's median
 
 
 def it_says_what_it_is(model: ErrorModel) -> None:
-    """It has a meaning and a prior, and its name can be part of a combination's."""
+    """It has a meaning and a prior."""
     expect(model.meaning.strip(), "meaning is empty")
     expect(model.prior.strip(), "prior is empty")
-    expect("+" not in model.name, "its name has a + in it, which joins the names of combinations")
 
 
 def what_it_returns_can_be_computed_with(model: ErrorModel) -> None:

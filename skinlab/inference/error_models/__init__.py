@@ -24,6 +24,8 @@ def check_error_model(one: object) -> None:
     """
     needs(one, "meaning", "prior", "part")
     texts(one, "meaning", "prior")
+    if "+" in one.name:  # type: ignore[attr-defined]
+        raise TypeError("its name has a + in it, which joins the names of combinations")
     if not callable(one.part):  # type: ignore[attr-defined]
         raise TypeError("its part is no function of a Look")
 

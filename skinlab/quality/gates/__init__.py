@@ -30,6 +30,8 @@ def judge(gate: Gate, view: CurveSoFar) -> Finding | None:
         if found.gate != gate.name:  # it would be said again and again
             raise ValueError(f"it calls itself {found.gate!r} where it finds")
         texts(found, "sentence", "advice")
+        if not (found.sentence.strip() and found.advice.strip()):
+            raise ValueError("its finding has an empty sentence or advice; expected what to do")
     except KeyboardInterrupt:
         raise
     except BaseException as error:  # noqa: BLE001 -- no plugin may end a measurement

@@ -13,7 +13,7 @@ from skinlab.errors import BrokenPluginError
 from skinlab.extensions.error_models import _looks, what_it_returns_can_be_computed_with
 from skinlab.extensions.rules import broken
 from skinlab.inference.covariance import OrnsteinUhlenbeck
-from skinlab.inference.error_models import ERROR_MODELS, part_of
+from skinlab.inference.error_models import ERROR_MODELS, check_error_model, part_of
 from skinlab.inference.error_models.base import Hyperparameter, Part, Terms
 from skinlab.inference.error_models.checked import checked_part
 
@@ -214,3 +214,10 @@ def test_a_why_has_its_own_parameters_in_braces():
     assert broken(what_it_returns_can_be_computed_with, of(why="of {hum_um} µm")) is None
     told = broken(what_it_returns_can_be_computed_with, of(why="of {hum} µm"))
     assert told == "its why has hum in braces; expected parameters"
+
+
+def test_a_name_that_would_be_two_is_refused():
+    model = of()
+    model.name = "hum+ou"
+    with pytest.raises(TypeError, match=r"its name has a \+ in it"):
+        check_error_model(model)
