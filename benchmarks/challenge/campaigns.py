@@ -167,6 +167,14 @@ class Life:
         kind = list(of)[(number - number // 3) % len(of)]
         return cls(kind, whole.rate_hz, **{name: getattr(whole, name) for name in of[kind]})
 
+    def times_s(self, duration_s: float, rng: np.random.Generator) -> Array:
+        """Return when a program is sampled (n,)."""
+        t = np.arange(int(duration_s * self.rate_hz + 1e-9) + 1) / self.rate_hz
+        if self.lost or self.jitter_s:
+            t = t[rng.random(len(t)) >= self.lost]
+            t = np.unique(np.maximum(t + rng.normal(0.0, self.jitter_s, len(t)), 0.0).round(4))
+        return t
+
     def errors_um(self, t: Array, white_um: float, rng: np.random.Generator) -> Array:
         """Return what one curve's deflections are off by (n,), placement apart, µm."""
         n = len(t)
@@ -362,10 +370,7 @@ def curve_of(
     life = truth.life or Life()
     if life.rates_hz:
         life = replace(life, rate_hz=life.rates_hz[(repeat - 1) % len(life.rates_hz)])
-    t = np.arange(int(program.duration_s * life.rate_hz + 1e-9) + 1) / life.rate_hz
-    if life.lost or life.jitter_s:
-        t = t[rng.random(len(t)) >= life.lost]
-        t = np.unique(np.maximum(t + rng.normal(0.0, life.jitter_s, len(t)), 0.0).round(4))
+    t = life.times_s(program.duration_s, rng)
     path = PressurePath.of_program(program)
     if life.lag_s:
         path = felt_path({"regulator_lag": {"tau_s": life.lag_s}}, path)
@@ -392,15 +397,29 @@ def curve_of(
         changed = OUTSIDE[truth.distortion](t, path(t), w, rng)
         outside = truth.distortion_size * (changed - w)
         w, common = w + outside, common + outside
+    read_p, read_w = readings(truth, life, t, path(t), w, offset_mm, rng)
+    name = f"d{aperture:g}_{text.replace(':', '').replace(',', '_')}_c{cycle}_{repeat}.csv"
+    setup = Setup(aperture, truth.thickness_mm, program, cycle, repeat)
+    return Curve(name, setup, t, read_p, read_w), common, path(t)
+
+
+def readings(
+    truth: Truth,
+    life: Life,
+    t: Array,
+    pressure_mbar: Array,
+    deflection_mm: Array,
+    offset_mm: float,
+    rng: np.random.Generator,
+) -> tuple[Array, Array]:
+    """Return what is read of a curve (n,): pressures, mbar, and deflections, mm."""
+    w = deflection_mm
     read_w = w + offset_mm + 1e-3 * life.errors_um(t, truth.noise_um, rng)
     read_w = read_w + life.proportional * w * rng.normal(size=len(t))
     step_mm, step_mbar = 1e-3 * life.step_um, life.pressure_step_mbar
     read_w = step_mm * np.round(read_w / step_mm)
-    read_p = path(t) + rng.normal(0.0, truth.pressure_noise_mbar, len(t))
-    read_p = step_mbar * np.round(read_p / step_mbar)
-    name = f"d{aperture:g}_{text.replace(':', '').replace(',', '_')}_c{cycle}_{repeat}.csv"
-    setup = Setup(aperture, truth.thickness_mm, program, cycle, repeat)
-    return Curve(name, setup, t, read_p, read_w), common, path(t)
+    read_p = pressure_mbar + rng.normal(0.0, truth.pressure_noise_mbar, len(t))
+    return step_mbar * np.round(read_p / step_mbar), read_w
 
 
 def make(part: str, seed: int, number: int) -> tuple[Truth, Made]:
