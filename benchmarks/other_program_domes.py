@@ -6,8 +6,8 @@ Nothing of this project computes them: 9-node elements, full integration, a grad
 smallest element is 0.02 mm at the edge (0.0125 mm under 2 mm), the outer radius the larger of 3 R
 and R + 6 h, its edge held in the plane. `benchmarks/other_program.py` makes campaigns of them. What
 creases before 1.2 times the suctions that are used and 15 mbar, and domes with a kink, are drawn
-again. Needs the extra `bench`, and `tensortrax`. Saves benchmarks/data/other_program_domes.csv, and
-the truth beside it.
+again. `fem.py` runs that program on our own mesh, for its speed. Needs the extra `bench`. Saves
+benchmarks/data/other_program_domes.csv, and the truth beside it.
 """
 
 from __future__ import annotations
@@ -22,6 +22,7 @@ from typing import Any
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import numpy as np
+from challenge.campaigns import drawn_size
 from numpy.typing import NDArray
 from scipy.optimize import brentq
 
@@ -35,7 +36,9 @@ KINDS = (
     "tape_slip", "thickness_error", "none", "contact_preload", "regulator_lag", "deflection_gain",
     "aperture_error", "none", "two_layers",
 )  # fmt: skip
-SIZES: dict[str, dict[str, tuple[float, float, float, str]]] = {  # as in challenge/campaigns.py
+SIZES: dict[
+    str, dict[str, tuple[float, float, float, str]]
+] = {  # in the form of challenge/campaigns.py
     "natural_tension": {"stretch": (1.0, 0.01, 0.06, "+")},
     "hypodermis": {"thickness_mm": (0.0, 2.0, 7.0, "+"), "X1_kPa": (0.0, 0.3, 4.0, "+")},
     "surface_layer": {"thickness_um": (0.0, 15.0, 40.0, "+"), "X1_MPa": (0.0, 0.4, 4.0, "+")},
@@ -212,10 +215,7 @@ def draw(seed: int, number: int, attempt: int) -> dict[str, Any]:
     x1, x2 = (float(np.exp(rng.uniform(*np.log(b)))) for b in ((0.012, 0.08), (0.3, 4.5)))
     nu, thickness = float(rng.uniform(0.2, 0.47)), round(float(rng.uniform(0.9, 1.5)), 2)
     kind = KINDS[number % len(KINDS)]
-    values = {}
-    for name, (zero, low, high, sign) in SIZES.get(kind, {}).items():
-        size = float(np.exp(rng.uniform(np.log(low), np.log(high))))
-        values[name] = zero + size * (float(rng.choice([-1, 1])) if sign == "±" else 1.0)
+    values = {name: drawn_size(rng, *size) for name, size in SIZES.get(kind, {}).items()}
     return {"kind": kind, "values": values, "skin": [x1, x2, nu], "thickness_mm": thickness}
 
 

@@ -310,7 +310,7 @@ def draw(part: str, seed: int, number: int, attempt: int) -> tuple[Truth, Any]:
     elif part in ("outside", "life_outside"):
         distortion = list(OUTSIDE)[number % len(OUTSIDE)]
     sizes = SIZES | LIFE_SIZES
-    effects = {name: {k: _size(rng, *v) for k, v in sizes[name].items()} for name in hidden}
+    effects = {name: {k: drawn_size(rng, *v) for k, v in sizes[name].items()} for name in hidden}
     x1 = float(np.exp(rng.uniform(np.log(0.015), np.log(0.07))))
     x2 = float(np.exp(rng.uniform(np.log(0.5), np.log(4.0))))
     skin = Skin((x1, x2, float(rng.uniform(0.22, 0.42))))
@@ -350,7 +350,8 @@ def draw(part: str, seed: int, number: int, attempt: int) -> tuple[Truth, Any]:
     return truth, plan
 
 
-def _size(rng: np.random.Generator, zero: float, low: float, high: float, sign: str) -> float:
+def drawn_size(rng: np.random.Generator, zero: float, low: float, high: float, sign: str) -> float:
+    """Return a value beside its zero: by a distance that is drawn log-uniformly, to this side."""
     size = float(np.exp(rng.uniform(np.log(low), np.log(high))))
     return zero + size * (float(rng.choice([-1.0, 1.0])) if sign == "±" else 1.0)
 

@@ -31,7 +31,7 @@ GIVEN = {"solid": {"size_um": 2.0}}
 
 
 class Panic(BaseException):
-    """As compiled code raises one, and pytest.skip: no Exception."""
+    """What ends a plugin and is no `Exception`: a panic of compiled code, or `pytest.skip`."""
 
 
 def panics(*_):
