@@ -358,8 +358,8 @@ class SkinlabApp(PartedApp):
                 self._leave()
             case _:
                 pass
-        if self.board.alarm is not None:
-            self._raise_alarm(self.board.alarm)
+        if self.board.alarm_text is not None:
+            self._raise_alarm(self.board.alarm_text)
         if self.screen is self.main and not _only_samples(news):
             self.main.draw()  # now, not with the next frame: it is waited for
         if isinstance(news, Heard) and any(isinstance(m, Identified) for m in news.messages):

@@ -20,6 +20,7 @@ from drivers.events import (
     LinkLost,
     Sample,
     State,
+    VentConfirmed,
 )
 from skinlab.acquisition.measurement_messages import Phase, Plan
 from skinlab.acquisition.measurement_request import Order
@@ -164,6 +165,7 @@ class Board:
         self.saved: Path | None = None  # session file written last
         self.damaged = 0  # frames of this connection that made no sense
         self.alarm: str | None = None
+        self._off_mbar: float | None = None  # a vent seen since the alarm, and no suction after it
         self.note = ""
         self._asked = ""  # a note that waits for an answer
         self.level = Level.INFO
@@ -208,6 +210,13 @@ class Board:
     def out_of_reach(self) -> bool:
         """Whether nothing that is sent arrives: there is no probe, or the link to it is lost."""
         return self.hello is None or self.doing == SEARCHING
+
+    @property
+    def alarm_text(self) -> str | None:
+        """The alarm, and whether the suction has been seen to end since then."""
+        if self.alarm is None or self._off_mbar is None:
+            return self.alarm
+        return f"{self.alarm}. Seen since then: the suction is off ({self._off_mbar:.1f} mbar)"
 
     @property
     def phase(self) -> str:
@@ -702,6 +711,7 @@ class Board:
             case Sampled(index, sample):
                 self.latest, self.latest_at, self._read_any = sample, at, True
                 self._sampled_s = self._now_s
+                self._see_suction(sample.pressure_mbar)
                 self._load(index, sample)
                 if self.live is not None and self.live.index == index:
                     self.live.last = sample
@@ -741,6 +751,7 @@ class Board:
                 note = f"curve {index}: {finding.sentence}; {finding.advice}"
                 self.told.append((note, Level.WARNING))
             case Happened(Sample() as sample):
+                self._see_suction(sample.pressure_mbar)
                 if self.read_only:  # before its first curve: it streams whatever is done here
                     self.latest, self.latest_at = sample, at
                     if self.visit is not None:
@@ -766,19 +777,28 @@ class Board:
         if loads and live is not None and self.visit is not None:
             self._loadings[self.visit, self.simulated] = live.setup.cycle
 
+    def _see_suction(self, pressure_mbar: float | None) -> None:
+        if pressure_mbar is not None and pressure_mbar >= SUCTION_MBAR:
+            self._off_mbar = None
+
     def _happened(self, event: Event) -> None:
         match event:
             case State(state):
                 self.instrument = state
+                self._see_suction(event.pressure_mbar)
                 if self.live is not None and state is not _S.RUNNING:
                     self.live = None
                     self.say(Level.WARNING, "too few samples for a curve; they are recorded")
             case Alarm(text):
-                self.alarm = text
+                self.alarm, self._off_mbar = text, None
+            case VentConfirmed(pressure_mbar):
+                self._off_mbar = pressure_mbar
+            case HostVented():  # so there is suction again, or nobody knows
+                self._off_mbar = None
             case Damaged():
                 self.damaged += 1
             case LinkLost():
-                self.live = None
+                self.live = self._off_mbar = None
             case _:
                 pass
         note = event_note(event)

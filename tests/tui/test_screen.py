@@ -7,7 +7,15 @@ import pytest
 from textual import events
 from textual.widgets import Input, OptionList
 
-from drivers.events import Alarm
+from drivers.events import (
+    Alarm,
+    HostVented,
+    InstrumentState,
+    LinkLost,
+    Sample,
+    State,
+    VentConfirmed,
+)
 from skinlab.acquisition.messages import Heard
 from skinlab.curves.probe_file import read_probe
 from skinlab.recording.stream import Happened
@@ -163,6 +171,32 @@ async def test_the_alarm_stays_until_it_is_acknowledged(bedside):
         await bed.on(MainScreen)
         await bed.until(lambda: bed.board.alarm is None)
         await bed.connected()
+
+
+async def test_an_alarm_says_that_the_suction_has_been_seen_to_end(bedside):
+    """It went on to say "cannot be checked" while the link was back and the skin free."""
+    sample = Sample(device_time_s=0.1, pressure_mbar=30.0, deflection_mm=0.2, segment=0, sequence=1)
+    async with bedside() as bed:
+        await bed.connected()
+        for event, said in (
+            (Alarm("the vacuum cannot be checked: lift the probe"), False),
+            (VentConfirmed(0.42), True),
+            (HostVented("operator"), False),
+            (VentConfirmed(0.42), True),
+            (State(InstrumentState.FAULT, "valve", 12.0), False),
+            (VentConfirmed(0.42), True),
+            (LinkLost("the link is lost"), False),
+            (VentConfirmed(0.42), True),
+            (sample, False),
+        ):
+            bed.app.post_message(bed.app.Said(Heard((Happened(event),))))
+            await bed.on(AlarmScreen)
+            await bed.until(
+                lambda said=said: ("is off (0.4 mbar)" in bed.text("#alarm-text")) is said
+            )
+            assert bed.text("#alarm-text").startswith("the vacuum cannot be checked")
+        await bed.confirm()
+        await bed.until(lambda: bed.board.alarm is None)
 
 
 async def test_an_alarm_that_comes_back_keeps_nobody(bedside):
