@@ -107,7 +107,8 @@ def test_refuses_arrays_that_are_no_curve(change, says):
         ({"thickness_mm": 0}, "expected 0.1–10 mm"),
         ({"thickness_mm": float("nan")}, "expected 0.1–10 mm"),
         ({"thickness_sd_mm": 2}, "expected 0 to the thickness"),
-        ({"cycle": 0}, "cycle 0: expected 1 or more"),
+        ({"cycle": 0}, "cycle 0: expected 1 to 10000"),
+        ({"cycle": 10**20}, f"cycle {10**20}: expected 1 to 10000"),
     ],
 )
 def test_refuses_a_setup_that_cannot_be(setup, says):
