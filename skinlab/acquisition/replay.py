@@ -158,7 +158,9 @@ def _database(stated: str | None, was: str | None, is_: Path | None) -> Table:
     try:
         found = read(Path(was))
     except InputError as error:
-        raise InputError(f"{asked} ({error}); name it with --database") from None
+        # What is there and cannot be read, as of a law whose plugin is gone, is not to be named anew
+        advice = "" if Path(was).is_file() else "; name it with --database"
+        raise InputError(f"{asked} ({error}){advice}") from None
     if found.content_hash != stated:
         raise InputError(f"{asked}, where now is another one; name it with --database")
     return found

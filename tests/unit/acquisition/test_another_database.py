@@ -101,6 +101,11 @@ def test_a_database_that_is_gone_or_another_one_is_a_sentence(path, database, tm
     assert run(["replay", str(gone), "--verify"]) == 3
     assert "--database" in capsys.readouterr().err
     assert run(["replay", str(gone), "--verify", "--database", str(database)]) == 0
+    cut = tmp_path / "cut.h5"
+    cut.write_bytes(database.read_bytes()[:1000])
+    with pytest.raises(InputError, match=r"cut\.h5") as caught:  # it is there: no other name helps
+        identifier_of(read_session(elsewhere(database_path=str(cut))))
+    assert "--database" not in str(caught.value)
     other = elsewhere(database_hash="sha256:1")
     with pytest.raises(InputError, match="where now is another one; name it with --database"):
         identifier_of(read_session(other))
