@@ -158,7 +158,7 @@ def _database(stated: str | None, was: str | None, is_: Path | None) -> Table:
     try:
         found = read(Path(was))
     except InputError as error:
-        # What is there and cannot be read, as of a law whose plugin is gone, is not to be named anew
+        # One that is there, as of a law whose plugin is gone, is not to be named anew
         advice = "" if Path(was).is_file() else "; name it with --database"
         raise InputError(f"{asked} ({error}){advice}") from None
     if found.content_hash != stated:

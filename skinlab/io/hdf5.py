@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -18,10 +18,25 @@ from skinlab.io.files import named_in_errors, whole_file
 _MOST_PER_BYTE = 50
 _ALWAYS_BYTES = 64_000_000
 
+# What h5py raises of a damaged file; OSError comes of data whose checksum does not hold, too.
+DAMAGE = (
+    ArithmeticError,
+    AttributeError,
+    LookupError,
+    MemoryError,
+    OSError,
+    RuntimeError,
+    SystemError,
+    TypeError,
+    ValueError,
+)
+
 
 @contextmanager
-def open_hdf5(path: Path) -> Iterator[Any]:
+def open_hdf5(path: Path, *, damaged: bool = False) -> Iterator[Any]:
     """Open an HDF5 file for reading; what is in it was looked at before memory is taken for it.
+
+    In one that is known to be damaged, what cannot be looked at is passed over: it fails when read.
 
     Raises:
         InputError: no such file, no HDF5, cut off, larger inside than such a file can be, with
@@ -34,7 +49,7 @@ def open_hdf5(path: Path) -> Iterator[Any]:
         require_file(path)
     try:
         with h5py.File(path, "r") as file:
-            _check_content(path, file)
+            _check_content(path, file, damaged=damaged)
             yield file
     except InputError as error:
         text = str(error)
@@ -46,20 +61,11 @@ def open_hdf5(path: Path) -> Iterator[Any]:
     except OSError as error:
         what = "truncated, and not readable" if "truncated" in str(error) else "not readable"
         raise InputError(f"{path}: {what} as HDF5; expected a file that skinlab wrote") from None
-    except (
-        ArithmeticError,
-        AttributeError,
-        LookupError,
-        MemoryError,
-        RuntimeError,
-        SystemError,  # h5py's, of some damaged files
-        TypeError,
-        ValueError,
-    ) as error:
+    except DAMAGE as error:
         raise InputError(f"{path}: a field is missing or damaged ({error})") from None
 
 
-def _check_content(path: Path, file: Any) -> None:
+def _check_content(path: Path, file: Any, *, damaged: bool) -> None:
     import h5py
 
     room = max(_ALWAYS_BYTES, _MOST_PER_BYTE * path.stat().st_size)
@@ -83,9 +89,26 @@ def _check_content(path: Path, file: Any) -> None:
             )
         return None
 
-    wrong = file.visititems_links(look)
+    if damaged:
+        wrong = next((w for name, link in _reached(file) if (w := look(name, link))), None)
+    else:
+        wrong = file.visititems_links(look)
     if wrong is not None:
         raise InputError(wrong)
+
+
+def _reached(group: Any, above: str = "", depth: int = 3) -> Iterator[tuple[str, Any]]:
+    """Yield name and link of what can be opened, as deep as our files go."""
+    import h5py
+
+    with suppress(*DAMAGE):
+        for name in group:
+            with suppress(*DAMAGE):
+                link = group.get(name, getlink=True)
+                entry = group[name] if isinstance(link, h5py.HardLink) else None
+                yield f"{above}{name}", link
+                if depth > 1 and isinstance(entry, h5py.Group):
+                    yield from _reached(entry, f"{above}{name}/", depth - 1)
 
 
 def read_array(group: Any, name: str, kind: DTypeLike) -> NDArray[Any]:

@@ -15,7 +15,7 @@ import sqlite3
 import sys
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import Future, wait
 from dataclasses import dataclass
 from pathlib import Path
@@ -27,7 +27,7 @@ from skinlab.io.documents import read_json
 from skinlab.io.files import cannot_read, make_folder, private
 from skinlab.io.sqlite import check_only_tables
 from skinlab.recording import audit
-from skinlab.recording.records import Kind, Record
+from skinlab.recording.records import MOST_RECORD_BYTES, Kind, Record, checked_record, in_place
 from skinlab.recording.wal import readable
 
 if sys.platform != "win32":
@@ -50,8 +50,6 @@ _SAMPLE_BYTES = 400
 # Of a journal that may be damaged.
 _MOST_FACTS = 100
 _LEAST_RECORD_BYTES = 20
-_MOST_RECORD_BYTES = 16 << 20
-_LATEST_S = 1e11  # the year 5138; nothing later is a time
 
 
 _KINDS = {"rx": Kind.RECEIVED, "tx": Kind.SENT, "mark": Kind.MARK}
@@ -467,12 +465,16 @@ def read_journal(path: Path, *, left: bool = False) -> Read:
         raise InputError(f"{path}: cannot be read ({error})") from None
     except (sqlite3.Error, ValueError, TypeError, OverflowError) as error:
         raise InputError(f"{path}: not a journal that skinlab wrote ({error})") from None
+    return Read(with_opening_facts(meta, records), records, skipped)
+
+
+def with_opening_facts(meta: dict[str, Any], records: Sequence[Record]) -> dict[str, Any]:
+    """Return the facts with those that are damaged from the entry that opened the session."""
     first = next((r for r in records if r.kind is Kind.AUDIT), None)
-    if first is not None:
-        (opened,) = audit.entries([first])
-        if opened.what == "session opened":
-            meta = opened.detail | meta
-    return Read(meta, records, skipped)
+    if first is None:
+        return meta
+    (opened,) = audit.entries([first])
+    return opened.detail | meta if opened.what == "session opened" else meta
 
 
 def _why_empty(path: Path, behind: Path, *, alone: bool) -> str:
@@ -501,19 +503,12 @@ def _meta(db: sqlite3.Connection, skipped: list[str]) -> dict[str, Any]:
 def _unless_huge(column: str) -> str:
     """Return the SQL for what is of a possible size, else minus its size: no memory is taken."""
     size = f"length({column})"
-    return f"CASE WHEN {size} > {_MOST_RECORD_BYTES} THEN -{size} ELSE {column} END"
-
-
-def _in_place(value: object) -> str:
-    """Say what is there where bytes are expected."""
-    if isinstance(value, int) and -value > _MOST_RECORD_BYTES:
-        return f"{-value >> 20} MB in one"
-    return f"{type(value).__name__} in the place of bytes"
+    return f"CASE WHEN {size} > {MOST_RECORD_BYTES} THEN -{size} ELSE {column} END"
 
 
 def _text(value: object) -> str:
     if not isinstance(value, bytes):
-        raise TypeError(_in_place(value))
+        raise TypeError(in_place(value))
     return value.decode()
 
 
@@ -530,7 +525,7 @@ def _records(db: sqlite3.Connection, size_bytes: int, skipped: list[str]) -> lis
     rows, failed = _rows(db, query, 1, last)
     records: list[Record] = []
     for number, *row in rows:
-        record, why = _record(row, records[-1] if records else None)
+        record, why = checked_record(row, records[-1] if records else None)
         if why:
             skipped.append(f"record {number}: {why}")
         if record is not None:
@@ -553,22 +548,6 @@ def _damage(db: sqlite3.Connection) -> list[str]:
         return []
     first = said.decode("utf-8", "replace").strip().splitlines()[-1]
     return [f"the file is damaged ({first}): records at its end may be missing"]
-
-
-def _record(row: list[Any], before: Record | None) -> tuple[Record | None, str]:
-    """Return the record of a row, and what is wrong with it; bytes that are there are kept."""
-    kind, host_time_s, utc_s, data = row
-    if kind not in tuple(Kind) or not isinstance(kind, int):
-        return None, f"its kind is {kind!r:.40}: left out"
-    if not isinstance(data, bytes):
-        return None, f"{_in_place(data)}: left out"
-    wrong = ""
-    times = [host_time_s, utc_s]
-    for k, name in enumerate(("host_time_s", "utc_s")):
-        if not isinstance(times[k], float | int) or not 0 <= times[k] < _LATEST_S:
-            wrong = f"its {name} is {times[k]!r:.40}: that of the record before it is taken"
-            times[k] = 0.0 if before is None else getattr(before, name)
-    return Record(Kind(kind), float(times[0]), float(times[1]), data), wrong
 
 
 Row = tuple[Any, ...]

@@ -30,6 +30,12 @@ def put_seal(image: memoryview) -> None:
     image[:SEAL_BYTES] = _block(hashlib.sha256(image[SEAL_BYTES:]).hexdigest())
 
 
+def is_sealed(path: Path) -> bool:
+    """Return whether a file begins with a seal, whatever it says."""
+    with path.open("rb") as file:
+        return file.read(len(_MAGIC)) == _MAGIC
+
+
 def read_seal(path: Path) -> Seal:
     """Return what the seal of this file says.
 

@@ -53,6 +53,7 @@ _SAMPLE_COLUMNS = (
     ("record", "1"),
 )
 _WHOLE = frozenset({"sequence", "segment", "record"})
+Result = dict[str, Any] | None
 _DAY = len("2026-03-01")
 
 
@@ -68,7 +69,7 @@ class Session:
     meta: dict[str, Any]
     records: tuple[Record, ...]
     curves: tuple[Curve, ...]
-    results: tuple[dict[str, Any] | None, ...]
+    results: tuple[Result, ...]
 
 
 def session_from_records(
@@ -284,7 +285,8 @@ def read_session(path: Path) -> Session:
     if seal is Seal.BROKEN:
         raise InputError(
             f"{path}: its bytes do not agree with their hash; it was changed "
-            f"(`skinlab session verify {path}` says where)"
+            f"(`skinlab session verify {path}` says where; `skinlab recover {path}` makes another "
+            "of what can still be read)"
         )
     stored = read_stored(path)
     if seal is Seal.NONE or not stored.unchanged:
@@ -384,10 +386,35 @@ def read_stored(path: Path) -> Stored:
         return _read(file)
 
 
-def _result(number: int, text: str) -> dict[str, Any]:
+def read_result(number: int, group: Any) -> Result:
+    """Return the result of curve `number`, of its group in a file.
+
+    Raises:
+        InputError, ValueError, KeyError, TypeError: it is damaged.
+    """
+    text = group.attrs.get("result")
+    if text is None:
+        return None
     found = read_json_object(text)
     stored_result(number, found)
     return found
+
+
+def read_curve(group: Any) -> Curve:
+    """Return the curve of a group in a file.
+
+    Raises:
+        InputError, OSError, ValueError, KeyError, TypeError: it is damaged.
+    """
+    return Curve(
+        name=_text(group.attrs["name"]),
+        setup=setup_from_json(read_json_object(group.attrs["setup"])),
+        time_s=read_array(group, "time_s", float),
+        pressure_mbar=read_array(group, "pressure_mbar", float),
+        deflection_mm=read_array(group, "deflection_mm", float),
+        segment=read_array(group, "segment", np.int64) if "segment" in group else None,
+        partial=bool(group.attrs["partial"]),
+    )
 
 
 def _text(value: object) -> str:
@@ -413,19 +440,8 @@ def _read(file: Any) -> Stored:
     )
     curves, results, clocks = [], [], []
     for group in file["curves"].values():
-        curves.append(
-            Curve(
-                name=_text(group.attrs["name"]),
-                setup=setup_from_json(read_json_object(group.attrs["setup"])),
-                time_s=read_array(group, "time_s", float),
-                pressure_mbar=read_array(group, "pressure_mbar", float),
-                deflection_mm=read_array(group, "deflection_mm", float),
-                segment=read_array(group, "segment", np.int64) if "segment" in group else None,
-                partial=bool(group.attrs["partial"]),
-            )
-        )
-        text = group.attrs.get("result")
-        results.append(None if text is None else _result(len(curves), text))
+        curves.append(read_curve(group))
+        results.append(read_result(len(curves), group))
         clock = group.attrs.get("clock")
         clocks.append(None if clock is None else clock_from_json(read_json_object(clock)))
     samples = {

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import subprocess
 import sys
 from pathlib import Path
 
@@ -11,6 +10,7 @@ import numpy as np
 
 from skinlab.curves.curve import Curve
 from skinlab.errors import InputError
+from skinlab.recording.apart import answer, ask
 from skinlab.recording.audit import Chain, entries
 from skinlab.recording.clocks import clock_readings
 from skinlab.recording.records import Kind
@@ -59,19 +59,7 @@ def complaints_about_changed(path: Path) -> list[str]:
     Raises:
         InputError: the file cannot be read as a session any more.
     """
-    command = [sys.executable, "-m", __name__, str(path)]
-    done = subprocess.run(command, capture_output=True, text=True, encoding="utf-8", check=False)
-    try:
-        found: dict[str, list[str]] = json.loads(done.stdout)
-    except json.JSONDecodeError:
-        found = {}
-    if "found" not in found:
-        raise InputError(
-            found["unreadable"][0]
-            if "unreadable" in found
-            else f"{path}: was changed since it was written, and cannot be read any more"
-        )
-    return found["found"]
+    return ask(__name__, path)
 
 
 def _other_software(session: Session) -> str:
@@ -160,8 +148,4 @@ def _plain(result: dict[str, object] | None) -> str:
 
 
 if __name__ == "__main__":
-    try:
-        result = {"found": check(Path(sys.argv[1]))[1]}
-    except InputError as error:
-        result = {"unreadable": [str(error)]}
-    sys.stdout.write(json.dumps(result))
+    answer(lambda: check(Path(sys.argv[1]))[1])
