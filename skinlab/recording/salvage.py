@@ -21,6 +21,7 @@ import numpy as np
 from skinlab.curves.curve import Curve
 from skinlab.errors import InputError
 from skinlab.io.documents import read_json_object
+from skinlab.io.files import cannot_read
 from skinlab.io.hdf5 import DAMAGE, open_hdf5
 from skinlab.recording import audit
 from skinlab.recording.apart import answer, ask
@@ -44,10 +45,15 @@ _RAW = ("kind", "host_time_s", "utc_s", "end")
 
 
 def is_session(path: Path) -> bool:
-    """Return whether a file is, or was, a session, and no journal."""
+    """Return whether a file is, or was, a session, and no journal.
+
+    Raises:
+        InputError: it cannot be read.
+    """
     import h5py
 
-    return path.is_file() and (is_sealed(path) or bool(h5py.is_hdf5(path)))
+    with cannot_read(path):
+        return path.is_file() and (is_sealed(path) or bool(h5py.is_hdf5(path)))
 
 
 def salvage(
