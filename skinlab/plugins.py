@@ -15,6 +15,7 @@ import contextlib
 import hashlib
 import importlib
 import importlib.util
+import math
 import os
 import pkgutil
 import sys
@@ -23,6 +24,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cache, partial
 from importlib.machinery import PathFinder
+from numbers import Real
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Generic, Protocol, TypeVar
 
@@ -300,6 +302,40 @@ def needs(one: object, *attributes: str) -> None:
     name = one.name  # type: ignore[attr-defined]
     if not isinstance(name, str) or not name.strip():
         raise TypeError("its name is empty; expected a text")
+
+
+def finite(what: str, value: object) -> float:
+    """Return a finite number.
+
+    Raises:
+        TypeError: it is none.
+    """
+    if not isinstance(value, Real) or not math.isfinite(value):
+        raise TypeError(f"{what} is {value!r}; expected a finite number")
+    return float(value)
+
+
+def zero_or_more(what: str, value: object) -> float:
+    """Return a size.
+
+    Raises:
+        TypeError: it is none.
+    """
+    if (found := finite(what, value)) < 0.0:
+        raise TypeError(f"{what} is {value!r}; expected 0 or more")
+    return found
+
+
+def above_zero(what: str, value: object, most: float = math.inf) -> float:
+    """Return a number above 0.
+
+    Raises:
+        TypeError: it is none, or above the most.
+    """
+    if not 0.0 < (found := finite(what, value)) <= most:
+        upper = "" if most == math.inf else f", at most {most:g}"
+        raise TypeError(f"{what} is {value!r}; expected more than 0{upper}")
+    return found
 
 
 def texts(one: object, *attributes: str) -> None:

@@ -6,7 +6,6 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from copy import copy
 from dataclasses import fields, replace
-from numbers import Real
 from typing import Any
 
 import numpy as np
@@ -14,7 +13,7 @@ import numpy as np
 from skinlab.inference.covariance import OrnsteinUhlenbeck
 from skinlab.inference.error_models import ERROR_MODELS
 from skinlab.inference.error_models.base import Array, Hyperparameter, Look, Part, Terms
-from skinlab.plugins import texts
+from skinlab.plugins import above_zero, finite, texts, zero_or_more
 
 _HUGE = 1e9  # mm²: squares overflow far above
 _WIDEST = 10.0  # of a prior, in logarithms: nine decades in two standard deviations
@@ -64,15 +63,15 @@ def checked_part(name: str, part: object, count: int) -> Part:
     for one in part.parameters:
         _check_prior(one)
     _check_names(name, [*(p.name for p in part.parameters), *part.stated])
-    _number("log_odds", part.log_odds)
-    _above_zero("spread", part.spread)
-    _above_zero("tails", part.tails)
+    finite("log_odds", part.log_odds)
+    above_zero("spread", part.spread)
+    above_zero("tails", part.tails)
     _check_numbers("bound", part.bound, ((), (count,)))
     if part.again is not None and part.parameters:
         raise ValueError("it is a scale mixture with parameters; expected none beside its stretch")
     checked = replace(
         part,
-        stated={key: _number(f"its {key}", value) for key, value in part.stated.items()},
+        stated={key: finite(f"its {key}", value) for key, value in part.stated.items()},
         terms=lambda values: _checked_terms(part.terms(copy(values)), count),
         variances=_variances(part.variances, count),
         size_um=_size(part.size_um),
@@ -127,7 +126,7 @@ def _variances(
 def _size(
     given: Callable[[Sequence[float]], float] | None,
 ) -> Callable[[Sequence[float]], float] | None:
-    return None if given is None else lambda values: _zero_or_more("size_um", given(copy(values)))
+    return None if given is None else lambda values: zero_or_more("size_um", given(copy(values)))
 
 
 def _again(
@@ -176,18 +175,18 @@ def _check_prior(one: object) -> None:
     if not isinstance(one, Hyperparameter):
         raise TypeError(f"its parameters hold a {type(one).__name__}; expected a Hyperparameter")
     where = f"the prior of {one.name}: "
-    _above_zero(f"{where}median", one.median)
+    above_zero(f"{where}median", one.median)
     for field in ("start", "scale", "log_sd", "outlying_sd", "log_sd_above"):
         value: object = getattr(one, field)
         if value is None and field in ("start", "log_sd_above"):
             continue
         most = _WIDEST if "log_sd" in field or field == "outlying_sd" else math.inf
-        _above_zero(f"{where}{field}", value, most)
+        above_zero(f"{where}{field}", value, most)
     for field in ("outlying", "absent"):
-        if not 0.0 <= _number(f"{where}{field}", getattr(one, field)) < 1.0:
+        if not 0.0 <= finite(f"{where}{field}", getattr(one, field)) < 1.0:
             raise TypeError(f"{where}{field} is {getattr(one, field)}; expected a share below 1")
     if one.reach != math.inf:
-        _above_zero(f"{where}reach", one.reach)
+        above_zero(f"{where}reach", one.reach)
 
 
 def _checked_terms(terms: object, count: int) -> Terms:
@@ -220,8 +219,8 @@ def _checked_terms(terms: object, count: int) -> Terms:
     if ou is not None:
         if not isinstance(ou, OrnsteinUhlenbeck):
             raise TypeError(f"ou is a {type(ou).__name__}; expected an OrnsteinUhlenbeck")
-        _zero_or_more("size_mm of ou", ou.size_mm)
-        _above_zero("time_s of ou", ou.time_s)
+        zero_or_more("size_mm of ou", ou.size_mm)
+        above_zero("time_s of ou", ou.time_s)
     return terms
 
 
@@ -253,38 +252,3 @@ def _check_numbers(name: str, value: Any, shapes: Sequence[Shape]) -> None:
         raise TypeError(f"{name} is not finite")
     if np.max(np.abs(array), initial=0.0) > _HUGE:
         raise TypeError(f"{name} is beyond {_HUGE:g}")
-
-
-def _number(what: str, value: object) -> float:
-    """Return a finite number.
-
-    Raises:
-        TypeError: it is none.
-    """
-    if not isinstance(value, Real):
-        raise TypeError(f"{what} is {value!r}; expected a number")
-    if not math.isfinite(value):
-        raise TypeError(f"{what} is {value}; expected a finite number")
-    return float(value)
-
-
-def _zero_or_more(what: str, value: object) -> float:
-    """Return a size.
-
-    Raises:
-        TypeError: it is none.
-    """
-    if (found := _number(what, value)) < 0.0:
-        raise TypeError(f"{what} is {value}; expected 0 or more")
-    return found
-
-
-def _above_zero(what: str, value: object, most: float = math.inf) -> None:
-    """Check a number.
-
-    Raises:
-        TypeError: it is none above 0, or above the most.
-    """
-    if not 0.0 < _number(what, value) <= most:
-        upper = "" if most == math.inf else f", at most {most:g}"
-        raise TypeError(f"{what} is {value}; expected more than 0{upper}")

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import math
-from numbers import Real
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -12,6 +9,7 @@ from skinlab.curves.pressure_path import PressurePath
 from skinlab.mechanics.fem.skin import Layer, Prony, Skin, SkinProblem, Term
 from skinlab.mechanics.fem.suction import Geometry
 from skinlab.mechanics.materials import Energy
+from skinlab.plugins import above_zero, finite, zero_or_more
 
 Array = NDArray[np.float64]
 
@@ -33,19 +31,17 @@ def check_problem(found: object) -> None:
         if not isinstance(one, wanted):
             raise TypeError(f"{name} is a {type(one).__name__}; expected a {wanted.__name__}")
     for name in _NUMBERS:
-        _check_number(name, getattr(found, name))
+        finite(name, getattr(found, name))
     for name, kind in _LISTS.items():
         given: object = getattr(found, name)
         if not isinstance(given, tuple) or not all(isinstance(one, kind) for one in given):
             raise TypeError(f"{name} is {given!r}; expected a tuple of {kind.__name__}")
     for layer in (*found.above, *found.below):
         for name in ("thickness_mm", "half_shear_mpa", "kappa_mpa"):
-            _check_number(f"{name} of a layer", getattr(layer, name), above_zero=True)
+            above_zero(f"{name} of a layer", getattr(layer, name))
     for relaxing in found.prony:
-        _check_number("g", relaxing.g)
-        if relaxing.g < 0.0:
-            raise ValueError(f"g is {relaxing.g!r}; expected 0 or more")
-        _check_number("tau_s", relaxing.tau_s, above_zero=True)
+        zero_or_more("g", relaxing.g)
+        above_zero("tau_s", relaxing.tau_s)
     for term in found.terms:
         _check_term(term)
     hash(found)  # it is a key of caches
@@ -62,7 +58,7 @@ def _check_term(term: Term) -> None:
             f"parameters of a term are {given!r}; expected pairs of a name and a number"
         )
     for name, value in term.parameters:
-        _check_number(f"{name} of a term", value)
+        finite(f"{name} of a term", value)
     if missing := set(law.parameter_names) - {name for name, _ in term.parameters}:
         raise ValueError(f"parameters of a term lack {', '.join(sorted(missing))}")
 
@@ -79,14 +75,6 @@ def check_path(found: object) -> None:
         given: object = getattr(found, name)
         if not isinstance(given, tuple):  # it is a key of caches
             raise TypeError(f"{name} of the path is a {type(given).__name__}; expected a tuple")
-
-
-def _check_number(name: str, value: object, *, above_zero: bool = False) -> None:
-    wanted = "a number above 0" if above_zero else "a finite number"
-    if not isinstance(value, Real) or not math.isfinite(value):
-        raise ValueError(f"{name} is {value!r}; expected {wanted}")
-    if above_zero and float(value) <= 0.0:
-        raise ValueError(f"{name} is {value!r}; expected {wanted}")
 
 
 def check_series(what: str, found: object, shape: tuple[int, ...], given: Array) -> None:
