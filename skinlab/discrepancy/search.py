@@ -39,7 +39,6 @@ from skinlab.discrepancy.pair_search import PairSearch, beside_which
 from skinlab.discrepancy.phases import IN_STEP, begun_in_step, out_of_step, still_errors
 from skinlab.discrepancy.placement_curves import bends_mm, thickness_slopes, with_thickness_of
 from skinlab.discrepancy.race import Race
-from skinlab.discrepancy.range_ends import at_an_end, held_along, log_integral
 from skinlab.discrepancy.records import Record, by_condition, without
 from skinlab.discrepancy.screen import Signature, worth_fitting
 from skinlab.discrepancy.search_workers import (
@@ -86,7 +85,6 @@ class Search:
         self.looks: list[tuple[Fit, ErrorChoice]] = []  # and as explanations do
         # Evidence of fits by looks, by their addresses, and what these are of.
         self._weighed_by: dict[int, tuple[ErrorChoice, dict[int, tuple[Fit, float]]]] = {}
-        self._held: dict[int, tuple[Fit, list[tuple[float, Fit]]]] = {}  # along a parameter
         self._out_of_step: dict[str, str] = {}  # why a motion is none of the explanations
         self._own_log: dict[int, float] = {}  # log evidence of each of `looks` itself, by address
         self.kept: tuple[NDArray[np.bool_], ...] = ()  # samples (n,) of each curve
@@ -439,8 +437,6 @@ class Search:
         fits = [c.fit for c in (base, *candidates)]
         looks = [self._evidences(look, fits) for look in self.errors.looks]
         least, *each = averaged(looks).tolist()
-        if max(each, default=least) - least < ERRORS.near_decades * LOG10:
-            least += self._of_the_range(base.fit)
         return [
             replace(c, log10_evidence=(one - least) / LOG10 + self.log10_odds(c.fit))
             for c, one in zip(candidates, each, strict=True)
@@ -454,23 +450,6 @@ class Search:
             found = evidences_of_look(look, [self.linear(fit) for fit in new])
             known |= {id(fit): (fit, float(e)) for fit, e in zip(new, found, strict=True)}
         return np.array([known[id(fit)][1] for fit in fits])
-
-    def _of_the_range(self, fit: Fit) -> float:
-        """Return by how much more likely (log) the model as it is is, where it ends at an end."""
-        if fit.corrected or (index := at_an_end(fit)) is None:
-            return 0.0
-        if id(fit) not in self._held:
-            self._held[id(fit)] = (fit, list(held_along(self.fitter, fit, index)))
-        along = self._held[id(fit)][1]
-        if len(along) < 2:
-            return 0.0
-        low, high = fit.unknowns.space.ends
-        log_width = float(np.log(high[index] - low[index]))
-        ones = [self.linear(one).without(index, log_width) for _, one in along]
-        few = ERRORS.rough_nodes
-        here, *there = self.errors.log_evidences([self.linear(fit), *ones], few).tolist()
-        along_it = log_integral(np.array([at for at, _ in along]), np.array(there))
-        return along_it - log_width - float(here)
 
     def log10_odds(self, fit: Fit) -> float:
         """Return the odds before the data against the base model."""

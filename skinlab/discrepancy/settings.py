@@ -61,8 +61,6 @@ class ErrorRules:
     """Probability by pure error, from which on an explanation is judged with a kind of errors."""
     rough_nodes: int = 12
     """Settings of each look by which explanations are ranked while the search goes on."""
-    near_decades: float = 6.0
-    """Within so many of the likeliest the model as it is is integrated along a range."""
     judged_nodes: int = 12
     """Settings of the errors by which a residual is judged and robustness is looked at."""
     largest_um: Mapping[str, float] = field(
