@@ -370,8 +370,8 @@ LATER = {
     "error model 'lost': broke down, and is left out: TypeError: terms returned a NoneType; exp"
     "ected Terms",
     "error model 'why': broke down, and is left out: TypeError: its why is 7; expected a text",
-    "error model 'stated': broke down, and is left out: TypeError: its k is 'text'; expected a nu"
-    "mber",
+    "error model 'stated': broke down, and is left out: TypeError: its k is 'text'; expected a "
+    "finite number",
     "error model 'size_um': broke down, and is left out: TypeError: size_um is nan; expected a fi"
     "nite number",
     "gate 'gone': broke down, and judges nothing: SystemExit: 3",
