@@ -54,11 +54,7 @@ def command(file: Path, out: Path | None) -> int:
     if len(skipped) > _MOST_SAID:
         more = len(skipped) - _MOST_SAID
         echo(f"skinlab: {file}: {more} more of this kind", err=True)
-    if skipped:
-        then = f"keep {file}: it is damaged"
-    else:
-        then = (
-            f"nothing is lost; {file} can be deleted" if was_session else f"{file} can be deleted"
-        )
+    then = f"keep {file}: it is damaged" if skipped else f"{file} can be deleted"
+    then = f"nothing is lost; {then}" if was_session and not skipped else then
     echo(f"{out}: {counted(len(made.curves), 'curve')} recovered; {then}")
     return 0

@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import os
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -266,12 +266,24 @@ def recover(
         if len(before.records) >= len(records):
             return before, skipped
     session_from_records(meta, records, skipped.append)
-    detail = {"skipped": skipped[:_MOST_SENTENCES]} if skipped else {}
-    deed = note(clock(), now(), operator() if who is None else who, "recovered", detail)
-    records.append(Chain(records).add(deed))
+    records.append(recovery(records, skipped, clock(), now(), who))
     made = session_from_records(meta, records)
     _write(journal, session, made, replace=before is not None)
     return made, skipped
+
+
+def recovery(
+    records: Sequence[Record],
+    lost: Sequence[str],
+    host_time_s: float,
+    utc_s: float,
+    who: str | None,
+    **of: str,
+) -> Record:
+    """Return the entry behind these records that says who recovered them, of what, and the loss."""
+    detail = {**of, "skipped": list(lost[:_MOST_SENTENCES])} if lost else {**of}
+    deed = note(host_time_s, utc_s, operator() if who is None else who, "recovered", detail)
+    return Chain(records).add(deed)
 
 
 def _same(saved: tuple[Record, ...], records: list[Record]) -> bool:

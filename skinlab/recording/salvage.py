@@ -2,7 +2,8 @@
 
 The recorded bytes come first. Where all of them are there, and the audit trail agrees, curves and
 results are made from them again, whatever happened to the rest of the file. Else the curves are
-those that stand in the file beside the bytes.
+those that stand in the file beside the bytes; only the hash of the content tells whether one of
+their numbers was changed.
 """
 
 from __future__ import annotations
@@ -23,15 +24,17 @@ from skinlab.errors import InputError
 from skinlab.io.documents import read_json_object
 from skinlab.io.files import cannot_read
 from skinlab.io.hdf5 import DAMAGE, open_hdf5
-from skinlab.recording import audit
 from skinlab.recording.apart import answer, ask
+from skinlab.recording.audit import Chain
 from skinlab.recording.journal import with_opening_facts
+from skinlab.recording.recorder import recovery
 from skinlab.recording.records import Kind, Record, checked_record
 from skinlab.recording.seal import Seal, is_sealed, read_seal
 from skinlab.recording.session import (
     SCHEMA,
     Result,
     Session,
+    content_hash,
     read_curve,
     read_result,
     read_session,
@@ -40,7 +43,8 @@ from skinlab.recording.session import (
     write_session,
 )
 
-_MOST_SENTENCES = 100
+_UNBOUND = "its curves are those that stand in the file: nothing tells whether a number was changed"
+_NO_BYTES = b"", np.zeros(0, dtype=bool)
 _RAW = ("kind", "host_time_s", "utc_s", "end")
 
 
@@ -77,21 +81,20 @@ def salvage(
         found = Path(folder) / "found.h5"
         lost = ask(__name__, damaged, str(found))
         read = read_session(found)
-    chain = audit.Chain(read.records)
-    detail = {"damaged": damaged.name, "skipped": lost[:_MOST_SENTENCES]}
-    who = audit.operator() if who is None else who
-    deed = chain.add(audit.note(clock(), now(), who, "recovered", detail))
+    deed = recovery(read.records, lost, clock(), now(), who, damaged=damaged.name)
     made = replace(read, records=(*read.records, deed))
     write_session(session, made)
     return made, lost
 
 
 def _salvage(path: Path, out: Path) -> list[str]:
-    if read_seal(path) is Seal.HOLDS and read_stored(path).unchanged:
+    seal = read_seal(path)
+    if seal is Seal.HOLDS and read_stored(path).unchanged:
         raise InputError(f"{path}: is whole; there is nothing to recover")
     lost: list[str] = []
     with open_hdf5(path, damaged=True) as file:
-        if file.attrs.get("schema", SCHEMA) != SCHEMA:
+        # What is sealed is a session, whatever became of this text
+        if seal is Seal.NONE and file.attrs.get("schema", SCHEMA) != SCHEMA:
             raise InputError(f"schema {file.attrs['schema']!r}; expected a session, {SCHEMA!r}")
         write_session(out, _found(file, lost))
     return lost
@@ -100,18 +103,25 @@ def _salvage(path: Path, out: Path) -> list[str]:
 def _found(file: Any, lost: list[str]) -> Session:
     broken: list[str] = []
     records = _records(file, broken)
-    chain = audit.Chain()
+    chain = Chain()
     complaints = [said for record in records if (said := chain.complaint(record)) is not None]
     broken += complaints[:1]  # those behind it say the same
-    meta: dict[str, Any] = _try("the facts", lost, lambda: read_json_object(file.attrs["meta"]), {})
+    meta = _try("the facts", lost, lambda: read_json_object(file.attrs["meta"]), None)
     lost += broken
-    made = session_from_records(with_opening_facts(meta, records), records, lost.append)
-    if not broken and any(record.kind is Kind.RECEIVED for record in records):
+    facts = with_opening_facts({}, records) if meta is None else meta
+    made = session_from_records(facts, records, lost.append)
+    # An entry binds what is before it, and an imported session has no bytes that it was made from.
+    bound = not broken and bool(records) and records[-1].kind is Kind.AUDIT
+    if bound and any(record.kind is Kind.RECEIVED for record in records):
         return made
     curves = _curves(file, lost)
     if not records and not curves:
         raise InputError("neither its records nor its curves can be read")
-    return replace(made, curves=tuple(c for c, _ in curves), results=tuple(r for _, r in curves))
+    made = replace(made, curves=tuple(c for c, _ in curves), results=tuple(r for _, r in curves))
+    stated = _try("the hash of its content", lost, lambda: file.attrs["content_hash"], None)
+    if content_hash(made) != stated:
+        lost.append(_UNBOUND)
+    return made
 
 
 def _try(what: str, lost: list[str], read: Callable[[], Any], otherwise: Any) -> Any:
@@ -127,7 +137,7 @@ def _try(what: str, lost: list[str], read: Callable[[], Any], otherwise: Any) ->
 
 def _records(file: Any, lost: list[str]) -> list[Record]:
     columns = [_column(file, name, lost) for name in _RAW]
-    blob, there = _try("raw/data", lost, lambda: _blob(file["raw"]["data"]), (b"", []))
+    blob, there = _try("raw/data", lost, lambda: _blob(file["raw"]["data"]), _NO_BYTES)
     records: list[Record] = []
     left_out: list[int] = []
     begin = 0
@@ -139,7 +149,7 @@ def _records(file: Any, lost: list[str]) -> list[Record]:
         end = begin if damaged else stated
         if damaged:
             lost.append(f"record {number}: its end is damaged; its bytes count to the next")
-        if all(there[begin:end]):
+        if there[begin:end].all():
             before = records[-1] if records else None
             record, why = checked_record([*row, blob[begin:end]], before)
             lost += [f"record {number}: {why}"] if why else []

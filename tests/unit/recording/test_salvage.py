@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import random
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import h5py
@@ -15,8 +16,9 @@ from skinlab.errors import InputError
 from skinlab.recording import apart
 from skinlab.recording.audit import entries
 from skinlab.recording.journal import Journal
+from skinlab.recording.records import Kind
 from skinlab.recording.salvage import is_session, salvage
-from skinlab.recording.session import example_session, read_session
+from skinlab.recording.session import example_session, read_session, write_session
 from skinlab.recording.session_check import check, complaints_about_changed
 
 WHOLE = read_session(example_session())
@@ -68,7 +70,7 @@ def test_where_the_recorded_bytes_are_whole_all_is_made_from_them_again(tmp_path
     assert made.results == WHOLE.results
     assert made.records[:-1] == WHOLE.records
     last = entries(made.records)[-1]
-    assert (last.what, last.detail) == ("recovered", {"damaged": "visit.h5", "skipped": []})
+    assert (last.what, last.detail) == ("recovered", {"damaged": "visit.h5"})
     assert path.read_bytes() != BYTES  # it stays as it is
 
 
@@ -110,6 +112,33 @@ def test_a_curve_that_nothing_tells_any_more_is_left_out_and_said(tmp_path):
     made, lost = salvage(path, tmp_path / "out.h5")
     assert same(made, WHOLE.curves[1:])
     assert any(said.startswith("curves/0001 cannot be read") for said in lost)
+
+
+@pytest.mark.parametrize("kept", ["imported", "without a trail"])
+def test_where_nothing_binds_the_records_a_changed_number_is_never_passed_over(tmp_path, kept):
+    """An imported session has no bytes of an instrument; older ones have no audit trail."""
+    records = [r for r in WHOLE.records if r.kind is not Kind.AUDIT] if kept != "imported" else []
+    path, other = tmp_path / "visit.h5", tmp_path / "other.h5"
+    write_session(path, replace(WHOLE, records=tuple(records)))
+    with h5py.File(path) as file:
+        reading = file["curves/0001/deflection_mm"].id.get_offset() + 8 * 70 + 5
+        schema = path.read_bytes().index(b"skinlab.session/1")
+    content = path.read_bytes()
+
+    def flipped(place):
+        changed = bytearray(content)
+        changed[place] ^= 1
+        other.write_bytes(changed)
+        return salvage(other, tmp_path / f"{place}.h5")
+
+    made, lost = flipped(reading)
+    assert not same(made)
+    assert lost == [
+        "its curves are those that stand in the file: nothing tells whether a number was changed"
+    ]
+    made, lost = flipped(schema)  # the hash of the content says that the rest is as it was
+    assert same(made)
+    assert lost == []
 
 
 def test_what_is_whole_or_no_session_or_there_already_is_refused(tmp_path):
