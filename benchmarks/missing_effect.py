@@ -72,6 +72,7 @@ LINES = RESULTS / "missing_effect.jsonl"
 SUMMARY = RESULTS / "missing_effect.json"
 NOTHING = ("life_none", "life_plans_none")  # parts with errors of life in which nothing is hidden,
 ONE = ("life_single", "life_crossed", "life_plans")  # and one effect
+BEYOND = ("life_outside", "life_time")  # and something that the library does not have
 
 # ---- judging one campaign ------------------------------------------------------------------------
 
@@ -377,7 +378,7 @@ def figures(lines: Sequence[dict[str, Any]]) -> dict[str, Any]:
     life_none = [x for x in lines if x["part"] in NOTHING]
     life_single = [x for x in lines if x["part"] in ONE]
     life_double = [x for x in lines if x["part"] == "life_double"]
-    life_outside = [x for x in lines if x["part"] == "life_outside"]
+    life_outside = [x for x in lines if x["part"] in BEYOND]
     life_named = [x for x in life_none + life_single if x["verdict"] == "named"]
     visible = [x for x in life_single if min(x.get("knower_log10", [0.0])) >= 1.3]
     life_tied = [x for x in life_single if x["verdict"] == "ambiguous"]
@@ -509,7 +510,7 @@ def by_program(lines: Sequence[dict[str, Any]]) -> dict[str, dict[str, Any]]:
     asked = [x for x in lines if "peers" in x]
     none = [x for x in asked if x["part"] in NOTHING]
     single = [x for x in asked if x["part"] in ONE]
-    outside = [x for x in asked if x["part"] == "life_outside"]
+    outside = [x for x in asked if x["part"] in BEYOND]
 
     def said(x: dict[str, Any], who: str) -> list[str]:
         if who == "workflow":
@@ -558,7 +559,7 @@ def confusion(lines: Sequence[dict[str, Any]]) -> dict[str, dict[str, int]]:
     rows: dict[str, Counter[str]] = {}
     for x in lines:
         what = x["part"]
-        if what in ("single", "outside", "life_outside", *ONE):
+        if what in ("single", "outside", *BEYOND, *ONE):
             what = f"{what}: {x['outside'] or x['hidden'][0]}"
         verdict = x["verdict"]
         if verdict == "learned":

@@ -5,7 +5,8 @@ Parts: `none` hides nothing, `single` each of the library's effects in turn, `do
 in one ramp of the 6 mm opening: white noise, one placement an opening, 20 Hz. Parts that begin with
 `life` are with errors as they are measured, every kind alone and all together (`Life`), one to four
 placements an opening, one to three openings, 10 to 200 Hz; `life_plans` with other programs
-(`PLANS`), and in a third of them each placement at its own rate.
+(`PLANS`), and in a third of them each placement at its own rate. `life_time` hides what
+depends on time alone (`IN_TIME`): what swings after every change, a zero that settles or sets in.
 """
 
 from __future__ import annotations
@@ -30,10 +31,12 @@ from skinlab.mechanics.fem.suction import Geometry
 Array = NDArray[np.float64]
 Distortion = Callable[[Array, Array, Array, np.random.Generator], Array]
 
+_FINE_S = 0.002  # at which an oscillator is followed
+
 PARTS = (
     "none", "single", "double", "outside", "ramp",
     "life_none", "life_single", "life_double", "life_outside", "life_crossed",
-    "life_plans_none", "life_plans",
+    "life_plans_none", "life_plans", "life_time",
 )  # fmt: skip
 
 FULL = (
@@ -262,6 +265,49 @@ def bent_sensor(t: Array, p: Array, w: Array, rng: np.random.Generator) -> Array
     return w + 0.020 * np.sin(2.0 * np.pi * w / rng.uniform(0.6, 1.0))
 
 
+def _swings(t: Array, values: Array, rng: np.random.Generator) -> Array:
+    """Return values (n,) behind an oscillator of 0.5 to 3 Hz, damped by 0.1 to 0.4 of critical."""
+    from scipy.signal import cont2discrete, lfilter  # slow to import
+
+    turn, damping = 2 * np.pi * float(np.exp(rng.uniform(np.log(0.5), np.log(3.0)))), 0.1
+    damping += rng.uniform(0.0, 0.3)
+    oscillator = ([turn**2], [1.0, 2.0 * damping * turn, turn**2])
+    b, a, _ = cont2discrete(oscillator, _FINE_S, method="zoh")
+    fine = np.arange(t[0], t[-1] + _FINE_S, _FINE_S)
+    found = lfilter(b.ravel(), a, np.interp(fine, t, values) - values[0])
+    return np.asarray(np.interp(t, fine, values[0] + found))
+
+
+def channel_rings(t: Array, p: Array, w: Array, rng: np.random.Generator) -> Array:
+    """Let the deflection channel swing after every change."""
+    return _swings(t, w, rng)
+
+
+def regulator_rings(t: Array, p: Array, w: Array, rng: np.random.Generator) -> Array:
+    """Let the suction that is felt swing after every change, unseen; beyond its top in a line."""
+    felt, rising = _swings(t, p, rng), np.arange(len(p)) <= int(np.argmax(p))
+    known_p, known_w = p[rising], w[rising]
+    upper = known_p > 0.7 * known_p[-1]
+    slope = np.polyfit(known_p[upper], known_w[upper], 1)[0]
+    beyond = known_w[-1] + slope * (felt - known_p[-1])
+    return np.where(felt > known_p[-1], beyond, np.interp(felt, known_p, known_w))
+
+
+def _zero_s(rng: np.random.Generator) -> float:
+    return float(np.exp(rng.uniform(0.0, np.log(5.0))))
+
+
+def zero_settles(t: Array, p: Array, w: Array, rng: np.random.Generator) -> Array:
+    """Let the zero settle by 60 µm, within 1 to 5 s."""
+    return w + 0.060 * (1.0 - np.exp(-(t - t[0]) / _zero_s(rng)))
+
+
+def zero_sets_in(t: Array, p: Array, w: Array, rng: np.random.Generator) -> Array:
+    """Let the zero rest for 1 to 5 s, and rise by 60 µm within the next three."""
+    since = np.clip((t - t[0] - _zero_s(rng)) / 3.0, 0.0, 1.0)
+    return w + 0.060 * since**2 * (3.0 - 2.0 * since)
+
+
 OUTSIDE: dict[str, Distortion] = {
     f.__name__: f
     for f in (
@@ -269,6 +315,10 @@ OUTSIDE: dict[str, Distortion] = {
         bent_sensor,
     )
 }  # fmt: skip
+
+IN_TIME: dict[str, Distortion] = {
+    f.__name__: f for f in (channel_rings, regulator_rings, zero_settles, zero_sets_in)
+}
 
 
 # What kind of thing each one is, for programs that tell a family and not a name; those without
@@ -280,6 +330,10 @@ FAMILIES: dict[str, tuple[str, ...]] = {
     "wander": ("periodic", "time"),
     "play": ("history", "pressure_curve"),
     "ringing": ("time",),
+    "channel_rings": ("time",),
+    "regulator_rings": ("time",),
+    "zero_settles": ("time",),
+    "zero_sets_in": ("time",),
     "bent_sensor": ("sensor_curve",),
 }
 
@@ -309,6 +363,8 @@ def draw(part: str, seed: int, number: int, attempt: int) -> tuple[Truth, Any]:
         hidden = [str(rng.choice([n for n in names if n != "preconditioning"]))]
     elif part in ("outside", "life_outside"):
         distortion = list(OUTSIDE)[number % len(OUTSIDE)]
+    elif part == "life_time":
+        distortion = list(IN_TIME)[number % len(IN_TIME)]
     sizes = SIZES | LIFE_SIZES
     effects = {name: {k: drawn_size(rng, *v) for k, v in sizes[name].items()} for name in hidden}
     x1 = float(np.exp(rng.uniform(np.log(0.015), np.log(0.07))))
@@ -395,7 +451,11 @@ def curve_of(
     common = dome(truth.skin, truth.thickness_mm) if life.stiffness or life.thickness else w
     common = np.where(np.isfinite(common), common, w)
     if truth.distortion:
-        changed = OUTSIDE[truth.distortion](t, path(t), w, rng)
+        # Of what is in time alone every curve has the same.
+        one = np.random.default_rng(round(1e9 * truth.distortion_size))
+        alike = truth.distortion in IN_TIME
+        distort = (OUTSIDE | IN_TIME)[truth.distortion]
+        changed = distort(t, path(t), w, one if alike else rng)
         outside = truth.distortion_size * (changed - w)
         w, common = w + outside, common + outside
     read_p, read_w = readings(truth, life, t, path(t), w, offset_mm, rng)

@@ -63,6 +63,7 @@ def seen_in(records: Sequence[Record], fit: Fit) -> Seen:
             (r.curve.time_s, r.at_pressure_mm - w)
             for r, w in zip(records, fit.deflections_mm, strict=True)
         ),
+        tuple(fit.deflections_mm),
     )
 
 

@@ -141,7 +141,8 @@ def a_learned_one_has_a_function(effect: Effect) -> None:
     """A learned one has a range, a function along it, and a sentence that says what it is."""
     if not isinstance(effect, LearnedEffect):
         return
-    seen = Seen(1.0, 60.0, float(_TIMES[-1]), 2, (4.0, 6.0), ((_TIMES, np.sin(_TIMES)),))
+    left = ((_TIMES, np.sin(_TIMES)),)
+    seen = Seen(1.0, 60.0, float(_TIMES[-1]), 2, (4.0, 6.0), left, (np.cumsum(_TIMES),))
     reach = effect.range_of(seen)
     expect(np.isfinite(reach), f"range_of returned {reach}")
     at = np.asarray(effect.abscissa(seen))

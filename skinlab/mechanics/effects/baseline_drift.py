@@ -14,6 +14,7 @@ class BaselineDrift(Effect):
     source = "temperature and creep of the holder"
     physical = False
     order = 3
+    form_of = "time"
     parameters = (
         Parameter(
             "drift_um_per_s", "µm/s", "speed of the zero", -50.0, 50.0, 0.0, 1.0,

@@ -29,7 +29,8 @@ _PIECES = 60  # of the highest suction: how finely a path is cut before it is be
 class Seen:
     """What the curves of a campaign reach: a function is learned, and drawn, no further.
 
-    `left` is what the model leaves of each curve: times (n,) and deflections (n,), mm.
+    `left` is what the model leaves of each curve: times (n,) and deflections (n,), mm; `model_mm`
+    its own deflections (n,) there.
     """
 
     height_mm: float
@@ -38,6 +39,7 @@ class Seen:
     cycle: int
     apertures_mm: tuple[float, ...]
     left: tuple[tuple[Array, Array], ...] = ()
+    model_mm: tuple[Array, ...] = ()
 
 
 def coefficients(count: int, unit: str, most: float, typical: float) -> tuple[Parameter, ...]:

@@ -143,6 +143,27 @@ def yields(path, t, w):
     return w + 0.08 * since**0.25 @ np.diff(w)
 
 
+def oscillator(t, w, hz, damping):
+    """A channel of second order, step by step: none of its dampings is one of the family's."""
+    step, turn = 1e-3, 2 * np.pi * hz
+    fine = np.arange(0.0, t[-1] + step, step)
+    asked, found, speed = np.interp(fine, t, w), np.zeros(len(fine)), 0.0
+    for i in range(1, len(fine)):
+        speed += step * turn * (turn * (asked[i] - found[i - 1]) - 2 * damping * speed)
+        found[i] = found[i - 1] + step * speed
+    return np.interp(t, fine, found)
+
+
+def overshoots(path, t, w):
+    """A channel that swings 1.2 times a second, a fifth of critically damped."""
+    return oscillator(t, w, 1.2, 0.2)
+
+
+def settles(t):
+    """A zero that settles by 40 µm, mostly in the first two seconds, as no sum of sines does."""
+    return 0.040 * (1.0 - 1.0 / (1.0 + t) ** 1.5)
+
+
 def strokes(t):
     """Short strokes of 60 µm, 0.7 a second."""
     return 0.060 * np.exp(6.0 * (np.cos(2.0 * np.pi * (0.7 * t - 0.3)) - 1.0))
@@ -218,6 +239,8 @@ def learn(hidden, table, *, finite_elements=False):
         # These openings hardly tell the two apart.
         pytest.param("sensor_loop|loop", RAMPS, {"loop": sticks}, marks=pytest.mark.long),
         pytest.param("creep", HOLDS, {"loop": yields}, marks=pytest.mark.long),
+        pytest.param("drift", HOLDS, {"moves": settles}, marks=pytest.mark.long),
+        pytest.param("ringing", 3 * HOLDS, {"loop": overshoots}, marks=pytest.mark.long),
         pytest.param("play", RAMPS, {"felt": stuck}, marks=pytest.mark.long),
         pytest.param("range_knee", RAMPS, {"sensor": clipped}, marks=pytest.mark.long),
         pytest.param("sensor_knee", RAMPS, {"sensor": saturates}, marks=pytest.mark.long),
@@ -237,6 +260,8 @@ def learn(hidden, table, *, finite_elements=False):
         "bulge",
         "sticks",
         "creep",
+        "settles",
+        "overshoots",
         "play",
         "clipped",
         "saturates",
@@ -351,6 +376,7 @@ def test_a_family_says_what_it_is(one):
         "loop": "history", "play": "history", "sensor_loop": "history", "dome_loop": "history",
         "sensor_range": "sensor_curve", "sensor_knee": "sensor_curve", "range_knee": "sensor_curve",
         "motion": "periodic", "wander": "time", "creep": "time", "pressure_bow": "pressure_curve",
+        "ringing": "time", "drift": "time",
     }  # fmt: skip
     assert one.family == kinds.get(own, own)
     assert one.name not in library_names()
@@ -362,6 +388,14 @@ def test_a_family_says_what_it_is(one):
     assert one.sentence(x, y).isprintable()
     known = [p for p in one.parameters if p.zero is None]
     assert all(p.low <= one.range_of(seen) <= p.high for p in known)
+
+
+def test_an_even_drift_is_the_librarys_own():
+    one, even = get_effect("learned_drift"), get_effect("baseline_drift")
+    t = np.linspace(0.0, 8.0, 50)
+    values = one.full({**one.zero, "c1_um": 24.0, "span_s": 8.0})
+    expected = even.read(t, 0.1 * t, {"drift_um_per_s": 3.0})
+    np.testing.assert_allclose(one.read(t, 0.1 * t, values), expected, atol=1e-12)
 
 
 def test_the_period_of_what_is_left_is_found():
@@ -397,6 +431,40 @@ def test_what_comes_later_of_a_dome_is_a_filter_of_it():
     late = 0.3 * 0.1 * (t - 2.5 * (1.0 - np.exp(-t / 2.5)))
     np.testing.assert_allclose(one.read(t, 0.1 * t, values) - 0.1 * t, late, atol=1e-12)
     np.testing.assert_array_equal(one.read(t, 0.1 * t, one.full(one.zero)), 0.1 * t)
+
+
+def test_what_swings_is_an_oscillators_response_to_a_ramp():
+    # ∫ exp(−λ (t − s)) v ds = v (1 − exp(−λ t)) / λ, λ = ω (d − i), whatever the samples.
+    rng = np.random.default_rng(3)
+    t = np.sort(np.concatenate([[0.0], rng.uniform(0.0, 9.0, 60)]))
+    one = get_effect("learned_ringing")
+    values = one.full({**one.zero, "s2": 0.3, "c2": -0.2, "frequency_hz": 0.8})
+    rate = 2 * np.pi * 0.8 * (0.25 - 1j)
+    swings = 0.1 * (1.0 - np.exp(-rate * t)) / rate
+    expected = 0.3 * swings.imag - 0.2 * swings.real
+    np.testing.assert_allclose(one.read(t, 0.1 * t, values) - 0.1 * t, expected, atol=1e-12)
+    np.testing.assert_array_equal(one.read(t, 0.1 * t, one.full(one.zero)), 0.1 * t)
+
+
+@pytest.mark.parametrize(("hz", "damping"), [(0.7, 0.15), (1.5, 0.35)])
+def test_any_oscillator_is_nearly_a_sum_of_what_swings_at_the_frequency_found(hz, damping):
+    one, t = get_effect("learned_ringing"), np.arange(0.0, 10.0, 1 / 40)
+    w = np.interp(t, [0.0, 1.5, 5.0, 6.5, 10.0], [0.0, 0.6, 0.6, 0.0, 0.0])
+    off = oscillator(t, w, hz, damping) - w
+    rng = np.random.default_rng(3)
+    left = tuple((t, off + rng.normal(0.0, 2e-3, len(t))) for _ in range(2))
+    seen = replace(Seen(0.6, 100.0, 10.0, 1, (6.0,)), left=left, model_mm=(w, w))
+    found = one.range_of(seen)
+    assert found == pytest.approx(hz, rel=0.3)
+    at_it = {**one.zero, "frequency_hz": found}
+    columns = np.array([one.read(t, w, one.full({**at_it, name: 1.0})) - w for name in one.names]).T
+    share, *_ = np.linalg.lstsq(columns, off)
+    assert np.std(off - columns @ share) < 0.05 * np.std(off)
+    # What is drawn is what comes of a sudden rise.
+    late = np.arange(0.0, 2.0, 0.01)
+    values = one.full({**at_it, **dict(zip(one.names, share, strict=True))})
+    sudden = one.read(np.append(0.0, late + 1e-7), np.append(0.0, np.ones(200)), values)[1:] - 1.0
+    np.testing.assert_allclose(one.function(late, values), sudden, atol=1e-4)
 
 
 def test_a_dome_is_another_one_on_the_way_back_by_the_share_of_the_suction():
@@ -465,7 +533,7 @@ def test_what_an_effect_is_a_form_of_is_learned():
     kinds = {one.family for one in families()}
     forms = {one.name: one.form_of for one in all_effects() if one.form_of}
     assert set(forms.values()) <= kinds
-    assert forms["viscoelasticity"] == "time"
+    assert forms["viscoelasticity"] == forms["baseline_drift"] == "time"
     assert not any(one.form_of for one in families())
 
 
