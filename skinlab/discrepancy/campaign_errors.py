@@ -81,6 +81,14 @@ class Linearised:
             self.flat, self.log_prior_volume,
         )  # fmt: skip
 
+    def without(self, index: int, log_width: float) -> Linearised:
+        """Return it with one unknown held, whose flat prior has this width."""
+        kept = np.arange(len(self.free)) != index
+        return Linearised(
+            self.residual_mm, self.slopes_mm[:, kept], self.free[kept], self.prior,
+            self.prior_slopes[:, kept], _sub(self.flat, kept), self.log_prior_volume - log_width,
+        )  # fmt: skip
+
     def beside(self, columns_mm: Array) -> Linearised:
         """Return it with columns (u, m) of one standard deviation each beside its unknowns."""
         m, k = columns_mm.shape[1], len(self.free)

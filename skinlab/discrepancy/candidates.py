@@ -97,8 +97,13 @@ class Found:
     @property
     def tie(self) -> float:
         """By how much log10 evidence an explanation has to lead."""
-        conditions = {record.condition for record in self.records}
-        return NAMES.lone_tie if len(conditions) == 1 else NAMES.tie
+        return tie_of(self.records)
+
+
+def tie_of(records: Sequence[Record]) -> float:
+    """Return by how much log10 evidence an explanation of these has to lead."""
+    conditions = {record.condition for record in records}
+    return NAMES.lone_tie if len(conditions) == 1 else NAMES.tie
 
 
 def behind_best(candidates: Sequence[Candidate], own: Collection[str]) -> list[float | None]:

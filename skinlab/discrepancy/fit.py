@@ -261,7 +261,7 @@ class Fitter:
         model = last.exact()
         if not model.anchor(best.u):
             return best
-        final = self._finish(model, best.u)
+        final = self.at(model, best.u)
         return best if final is None else replace(final, settled=best.settled)
 
     def _walked(
@@ -294,7 +294,7 @@ class Fitter:
         low, high = fit.unknowns.bounds
         near = np.concatenate([fit.unknowns.reaches, np.full(len(fit.unknowns.axes), 1.0)])
         low, high = np.maximum(low, fit.u - near), np.minimum(high, fit.u + near)
-        found = self._finish(model, self.minimise(model, fit.u, low, high))
+        found = self.at(model, self.minimise(model, fit.u, low, high))
         return fit if found is None else found
 
     def sharpened(self, fit: Fit, errors: Covariance) -> Fit:
@@ -325,11 +325,11 @@ class Fitter:
             return None, model
         if not model.corrected:
             u = self.minimise(model, start, low, high)
-            return self._finish(model, u), model
+            return self.at(model, u), model
         effects = np.full(len(unknowns.axes), FITS.effect_radius)
         widest = np.concatenate([unknowns.reaches, effects])
         radius = widest
-        best = self._finish(model, start)
+        best = self.at(model, start)
         if best is None:
             return None, model
         settled = False
@@ -362,7 +362,7 @@ class Fitter:
                 model = model.anew()
                 model.anchor(best.u)
                 continue
-            found = self._finish(model, u)
+            found = self.at(model, u)
             if found is None:
                 radius = 0.4 * radius
                 continue
@@ -412,7 +412,8 @@ class Fitter:
         cost = float(r @ r + prior @ prior)
         return cost, cost - float(prior @ prior)
 
-    def _finish(self, model: MappedModel, u: Array) -> Fit | None:
+    def at(self, model: MappedModel, u: Array) -> Fit | None:
+        """Return the fit that these unknowns (k,) are; None where there is no model."""
         unknowns, predicted = model.unknowns, model.predict(u)
         cost, chi2 = self._costs(unknowns, u, predicted)
         if not math.isfinite(cost):

@@ -32,6 +32,7 @@ from skinlab.discrepancy.candidates import (
     best_fitting,
     best_of_each,
     may_still_win,
+    tie_of,
     with_members,
 )
 from skinlab.discrepancy.fit import NO_LIMIT, Fit, Fitter
@@ -39,6 +40,7 @@ from skinlab.discrepancy.pair_search import PairSearch, beside_which
 from skinlab.discrepancy.phases import IN_STEP, begun_in_step, out_of_step, still_errors
 from skinlab.discrepancy.placement_curves import bends_mm, thickness_slopes, with_thickness_of
 from skinlab.discrepancy.race import Race
+from skinlab.discrepancy.range_ends import Along, along_range
 from skinlab.discrepancy.records import Record, by_condition, without
 from skinlab.discrepancy.screen import Signature, worth_fitting
 from skinlab.discrepancy.search_workers import (
@@ -190,6 +192,7 @@ class Search:
             candidates = self._in_step(best_of_each(candidates))
             candidates = self._weighed(base, candidates, SEARCH.looks)
             candidates = self._sharpened(race, candidates)
+            candidates = self._along_ranges(race, candidates)
         candidates.sort(key=lambda c: -c.log10_evidence)
         if not any(IN_STEP in c.effects for c in candidates):
             not_screened |= self._out_of_step
@@ -441,6 +444,35 @@ class Search:
             replace(c, log10_evidence=(one - least) / LOG10 + self.log10_odds(c.fit))
             for c, one in zip(candidates, each, strict=True)
         ]
+
+    def _along_ranges(self, race: Race, candidates: list[Candidate]) -> list[Candidate]:
+        """Return the candidates, with the evidence along a range of what ends at its end.
+
+        Where that may decide: of those, the model as it is too, that are not much further behind
+        the best than a name has to lead.
+        """
+        ranked = sorted((race.base, *candidates), key=lambda c: -c.log10_evidence)
+        far = tie_of(self.fitter.records) + SEARCH.range_decades
+        least = ranked[0].log10_evidence - far
+        near = [c for c in ranked[: SEARCH.along] if c.log10_evidence > least]
+        if len(near) < 2:
+            return candidates
+        self.progress("weighing what ends at the end of a range")
+        more = {
+            id(c): 0.0 if one is None else self._gained(c.fit, one)
+            for c, one in zip(near, race.pool.map(along_range, [c.fit for c in near]), strict=True)
+        }
+        less = more.get(id(race.base), 0.0)
+        return [
+            replace(c, log10_evidence=c.log10_evidence + more.get(id(c), 0.0) - less)
+            for c in candidates
+        ]
+
+    def _gained(self, fit: Fit, along: Along) -> float:
+        """Return by how much log10 evidence there is more along a range than about the fit."""
+        ones = [self.linear(fit), *(along.held(self.linear(one)) for one in along.fits)]
+        here, *there = self.errors.log_evidences(ones, ERRORS.rough_nodes)
+        return (along.log_mean(np.array(there)) - float(here)) / LOG10
 
     def _evidences(self, look: ErrorChoice, fits: Sequence[Fit]) -> Array:
         """Return log p(data) (fits,) as one look has it: each is found once."""

@@ -311,6 +311,10 @@ class SearchRules:
     not theirs took from an explanation was 4, what a fit by wider errors took from one 8."""
     sharpened: int = 6
     """So many of these are fitted again by the errors of the best."""
+    range_decades: float = 1.5
+    """log10 evidence that an integral along a range may change: 1.3 was the most,"""
+    along: int = 7
+    """and of how many it is taken, the model as it is among them."""
     screened: tuple[float, ...] = (0.3, 0.1, 0.03)
     """Of a typical size, at which effects are screened: about linear; the first that skins bear."""
     invisible: float = 1e-2
