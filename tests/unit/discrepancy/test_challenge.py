@@ -22,7 +22,7 @@ from skinlab.discrepancy.workflow import explain
 sys.path.insert(0, str(Path(__file__).parents[3] / "benchmarks"))
 
 from challenge import generate, score
-from challenge.campaigns import FAMILIES, LIFE, OUTSIDE, PARTS, curve_of, draw, make
+from challenge.campaigns import FAMILIES, IN_TIME, LIFE, OUTSIDE, PARTS, curve_of, draw, make
 
 
 def test_the_challenge_has_two_hundred_campaigns_of_every_part():
@@ -33,7 +33,16 @@ def test_the_challenge_has_two_hundred_campaigns_of_every_part():
     # Whoever looks at the first of them only sees all parts.
     assert len({part for _, part, _ in entries[:20]}) == 4
     assert len(OUTSIDE) >= 8
-    assert set(FAMILIES) <= set(OUTSIDE)
+    assert set(FAMILIES) <= set(OUTSIDE) | set(IN_TIME)
+
+
+def test_what_is_in_time_alone_is_alike_in_every_curve():
+    for number, name in enumerate(IN_TIME):
+        truth, made = make("life_time", 5, number)
+        assert truth.distortion == name
+        first, again = (made.clean_mm[i] for i in (0, len(LIFE)))  # two placements of one condition
+        first_s, again_s = (made.campaign.curves[i].time_s for i in (0, len(LIFE)))
+        np.testing.assert_allclose(np.interp(again_s, first_s, first), again, atol=2e-3)
 
 
 def test_a_campaign_can_be_read_and_does_not_tell_its_truth(tmp_path):
