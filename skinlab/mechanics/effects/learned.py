@@ -54,9 +54,11 @@ def coefficients(count: int, unit: str, most: float, typical: float) -> tuple[Pa
     )  # fmt: skip
 
 
-def nearly_line(unit: str, most: float, typical: float, bent: float) -> tuple[Parameter, ...]:
+def nearly_line(
+    unit: str, most: float, typical: float, bent: float, count: int = 4
+) -> tuple[Parameter, ...]:
     """Return the coefficients of `line_and_sines`; `bent` is how large the others are beside it."""
-    first, *others = coefficients(4, unit, most, typical)
+    first, *others = coefficients(count, unit, most, typical)
     return first, *(replace(p, typical=bent * p.typical) for p in others)
 
 

@@ -13,6 +13,7 @@ from skinlab.mechanics.effects.learned import (
     span,
 )
 
+_COEFFICIENTS = 9  # what sets in within 3 of 16 s, by 30 times the noise, needs as many
 _BENT = 0.5  # of the line: how much the others are beforehand
 _EVEN_S = 1.0  # up to which times count evenly; beyond in the logarithm: what settles does so early
 
@@ -34,7 +35,7 @@ class LearnedDrift(LearnedEffect):
     order = 3
     range_name = "span_s"
     parameters = (
-        *nearly_line("µm", 300.0, 10.0, _BENT),
+        *nearly_line("µm", 300.0, 10.0, _BENT, _COEFFICIENTS),
         span("span_s", "s", "time up to which the drift is known", 0.1, 10000.0, 10.0),
     )
     x_name = "time_s"
