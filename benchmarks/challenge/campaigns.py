@@ -452,10 +452,9 @@ def curve_of(
     common = np.where(np.isfinite(common), common, w)
     if truth.distortion:
         # Of what is in time alone every curve has the same.
-        one = np.random.default_rng(round(1e9 * truth.distortion_size))
-        alike = truth.distortion in IN_TIME
-        distort = (OUTSIDE | IN_TIME)[truth.distortion]
-        changed = distort(t, path(t), w, one if alike else rng)
+        of_all = np.random.default_rng(round(1e9 * truth.distortion_size))
+        drawn = of_all if truth.distortion in IN_TIME else rng
+        changed = (OUTSIDE | IN_TIME)[truth.distortion](t, path(t), w, drawn)
         outside = truth.distortion_size * (changed - w)
         w, common = w + outside, common + outside
     read_p, read_w = readings(truth, life, t, path(t), w, offset_mm, rng)

@@ -27,7 +27,7 @@ _HELD = 1e-6  # of the range: between what a parameter is held
 
 @dataclass(frozen=True, eq=False)
 class Along:
-    """Fits with one of the unknowns held, at values (n,) from its end on."""
+    """Fits with one of the unknowns held, at values (n,) in order."""
 
     index: int
     log_width: float  # of its even prior
@@ -54,27 +54,31 @@ def at_an_end(fit: Fit) -> int | None:
 
 
 def along_range(fitter: Fitter, fit: Fit) -> Along | None:
-    """Return a fit along the parameter at whose end it is; None where it is at none."""
+    """Return a fit along the parameter at whose end it is; None where it is at none.
+
+    From the fit on to either side, as far as there is a model: what was measured was no crease.
+    """
     model = fitter.model(fit.unknowns)
     if (index := at_an_end(fit)) is None or not fitter.prepare(model, fit.u, slopes=True):
         return None
     low, high = fit.unknowns.bounds
-    width = high[index] - low[index]
-    from_low = fit.u[index] - low[index] < 0.5 * width
-    shares = _FROM_THE_END if from_low else 1.0 - _FROM_THE_END
-    about = fit.u[index] + _ABOUT * fit.deviations[index]
-    values = np.clip([*(low[index] + width * shares), *about], low[index], high[index])
-    at, fits, u = [], [], fit.u
-    for value in np.unique(values)[:: 1 if from_low else -1].tolist():
-        first, last = low.copy(), high.copy()
-        first[index] = max(low[index], value - _HELD * width)
-        last[index] = min(high[index], value + _HELD * width)
-        u = fitter.minimise(model, np.clip(u, first, last), first, last)
-        if (found := fitter.at(model, u)) is None:
-            break
-        at.append(value)
-        fits.append(found)
-    return Along(index, float(np.log(width)), np.array(at), fits) if len(at) > 1 else None
+    width, here = high[index] - low[index], fit.u[index]
+    shares = _FROM_THE_END if here - low[index] < 0.5 * width else 1.0 - _FROM_THE_END
+    about = here + _ABOUT * fit.deviations[index]
+    values = np.unique(np.clip([*(low[index] + width * shares), *about], low[index], high[index]))
+    fits: dict[float, Fit] = {}
+    for side in (values[values <= here][::-1], values[values > here]):
+        u = fit.u
+        for value in side.tolist():
+            first, last = low.copy(), high.copy()
+            first[index] = max(low[index], value - _HELD * width)
+            last[index] = min(high[index], value + _HELD * width)
+            u = fitter.minimise(model, np.clip(u, first, last), first, last)
+            if (found := fitter.at(model, u)) is None:
+                break
+            fits[value] = found
+    at = sorted(fits)
+    return Along(index, float(np.log(width)), np.array(at), [fits[value] for value in at])
 
 
 def log_integral(at: Array, log_density: Array) -> float:

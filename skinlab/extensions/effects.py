@@ -142,7 +142,7 @@ def a_learned_one_has_a_function(effect: Effect) -> None:
     if not isinstance(effect, LearnedEffect):
         return
     left = ((_TIMES, np.sin(_TIMES)),)
-    seen = Seen(1.0, 60.0, float(_TIMES[-1]), 2, (4.0, 6.0), left, (np.cumsum(_TIMES),))
+    seen = Seen(1.0, 60.0, float(_TIMES[-1]), 2, (4.0, 6.0), left, (0.1 * _TIMES,))
     reach = effect.range_of(seen)
     expect(np.isfinite(reach), f"range_of returned {reach}")
     at = np.asarray(effect.abscissa(seen))
