@@ -16,6 +16,7 @@ from itertools import combinations, pairwise
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.integrate import trapezoid
 
 from skinlab.discrepancy.fit import Fit, Fitter
 from skinlab.discrepancy.planned_curve import (
@@ -26,6 +27,7 @@ from skinlab.discrepancy.planned_curve import (
     planned_record,
     rig_lag_s,
 )
+from skinlab.discrepancy.problem_map import ProblemMap
 from skinlab.discrepancy.records import Record
 from skinlab.discrepancy.settings import PLANS
 from skinlab.mechanics.fem.skin import SkinProblem
@@ -103,6 +105,7 @@ class _Look:
     """A measurement as the explanations see it, in inner products weighed by its errors."""
 
     planned: Planned
+    dose_mbar_s: float  # suction times time, of all placements
     # (settings, columns, columns): of what each explanation expects, and how that may give way
     gram: Array
     fresh: bool  # whether the campaign has no such condition
@@ -252,12 +255,20 @@ def _going_on(odds: _Odds, looks: Sequence[_Look], first: _Look, alone: Plan) ->
                 if look.kind in {one.kind for one in chosen}:
                     continue
                 both = [*chosen, look]
-                minutes = sum(one.planned.minutes for one in both)
-                if minutes <= PLANS.most_minutes and len(both) <= PLANS.most_measurements:
+                if _bearable(both):
                     plans.append((both, odds.plan(both)))
         if not plans:
             break
     return best
+
+
+def _bearable(looks: Sequence[_Look]) -> bool:
+    """Return whether one visit has the time, and one site bears the dose."""
+    return (
+        len(looks) <= PLANS.most_measurements
+        and sum(look.planned.minutes for look in looks) <= PLANS.most_minutes
+        and sum(look.dose_mbar_s for look in looks) <= PLANS.most_dose_mbar_s
+    )
 
 
 def _looks(fitter: Fitter, tied: Sequence[Fit], errors: Sequence[PlannedErrors]) -> list[_Look]:
@@ -267,6 +278,7 @@ def _looks(fitter: Fitter, tied: Sequence[Fit], errors: Sequence[PlannedErrors])
     creases = {r.geometry: r.creases_mbar for r in fitter.records}
     errors_there = {r.geometry: r.table_errors for r in fitter.records}
     late_s = rig_lag_s(fitter.records)
+    relaxes = any(_relaxes(fitter, f) for f in tied)
     found = []
     for aperture in PLANS.tops_mbar:
         geometry = Geometry(aperture, fitter.records[0].geometry.thickness_mm)
@@ -274,7 +286,7 @@ def _looks(fitter: Fitter, tied: Sequence[Fit], errors: Sequence[PlannedErrors])
             fitter.domes.creases_mbar(SkinProblem(geometry, f.unknowns.skin(f.u))) for f in tied
         ]
         holds_to = creases.get(geometry, each[0])
-        if not (programs := menu(aperture, min(holds_to, *each))):
+        if not (programs := menu(aperture, min(holds_to, *each), relaxes=relaxes)):
             continue
         off = errors_there.get(geometry)
         if off is None:
@@ -291,14 +303,23 @@ def _looks(fitter: Fitter, tied: Sequence[Fit], errors: Sequence[PlannedErrors])
             curves = [c + planned.mesh_expected_mm(f) for f, c in zip(tied, curves, strict=True)]
             ways = [planned.ways_mm(f, ws[i]) for f, (_, ws) in zip(tied, held, strict=True)]
             columns = np.column_stack([*(c - curves[0] for c in curves), *ways])
-            for placements in range(1, PLANS.most_placements + 1):
+            dose_mbar_s = float(trapezoid(record.pressure_mbar, record.curve.time_s))
+            most = min(PLANS.most_placements, int(PLANS.most_dose_mbar_s / dose_mbar_s))
+            for placements in range(1, most + 1):
                 tiled = np.tile(columns, (placements, 1))
                 whole = [planned.errors(one, placements).whiten(tiled) for one in errors]
                 minutes = _minutes(record, placements, opened=aperture not in apertures)
                 fresh = (aperture, str(record.curve.setup.program)) not in have
                 one = Planned(aperture, program, placements, minutes)
-                found.append(_Look(one, np.array([x.T @ x for x in whole]), fresh))
+                gram = np.array([x.T @ x for x in whole])
+                found.append(_Look(one, placements * dose_mbar_s, gram, fresh))
     return found
+
+
+def _relaxes(fitter: Fitter, fit: Fit) -> bool:
+    """Return whether the skin of an explanation goes on moving under the same suction."""
+    problems = ProblemMap(fitter.records, fit.unknowns).at(fit.u)
+    return problems is not None and any(p.prony for p in problems.problems.values())
 
 
 def _minutes(record: Record, placements: int, *, opened: bool) -> float:

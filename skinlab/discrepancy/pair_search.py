@@ -15,7 +15,12 @@ from skinlab.discrepancy.candidates import Candidate, best_fitting, best_of_each
 from skinlab.discrepancy.fit import NO_LIMIT, Fit, Fitter, Limit
 from skinlab.discrepancy.race import Race
 from skinlab.discrepancy.screen import Signature, linear_pairs
-from skinlab.discrepancy.search_workers import fit_elsewhere, fit_from, fit_on
+from skinlab.discrepancy.search_workers import (
+    fit_elsewhere,
+    fit_from,
+    fit_on,
+    from_the_middle,
+)
 from skinlab.discrepancy.settings import ERRORS, FITS, NAMES, SEARCH
 from skinlab.discrepancy.unknowns import Unknowns
 from skinlab.inference.error_choice import ErrorChoice
@@ -248,7 +253,29 @@ class PairSearch:
         gained = {c.effects: self._race.base.fit.cost - c.fit.cost for c in halves}
         least = SEARCH.half * max(gained.values(), default=0.0)
         halves = [c for c in halves if gained[c.effects] >= least]
-        return self.beside(halves, 2, SEARCH.seen, known=known, partners=SEARCH.most_pairs)
+        found = self.beside(halves, 2, SEARCH.seen, known=known, partners=SEARCH.most_pairs)
+        return found if _without_doubt(found) else found + self._unseen(halves, [*known, *found])
+
+    def _unseen(self, halves: Sequence[Candidate], known: Sequence[Candidate]) -> list[Candidate]:
+        """Return pairs with what could not be screened beside a half, begun with another law.
+
+        The half alone may have ended where the partner has no model: a creep without its stiffening
+        did at a skin so soft that none held, and all that led was 190 decades behind both.
+        """
+        fitted = {frozenset(c.effects) for c in known}
+        tasks = []
+        for half in halves:
+            library = [
+                n for n in self._search.library
+                if n not in half.effects and frozenset((*half.effects, n)) not in fitted
+            ]  # fmt: skip
+            seen = {s.effect for _, s in self._partners(library, half)}
+            tasks += [(*from_the_middle(half.fit, n), NO_LIMIT) for n in library if n not in seen]
+        if not tasks:
+            return []
+        told = ", ".join(" and ".join(u.effects[len(self._own) :]) for u, *_ in tasks)
+        self._search.progress(f"fitting what could not be screened: {told}")
+        return self._race.fitted(fit_from, tasks)
 
     def members(self, candidates: Sequence[Candidate]) -> list[Candidate]:
         """Return fits of the single effects of pairs that explain, begun where the pair ended.

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from skinlab.curves.curve import Curve, Setup
 from skinlab.curves.pressure_path import PressurePath
-from skinlab.curves.program import parse_program
+from skinlab.curves.program import STEP_RATE_MBAR_PER_S, parse_program
 from skinlab.discrepancy.campaign_error_models import walk_shapes
 from skinlab.discrepancy.campaign_errors import CampaignErrors, Linearised
 from skinlab.discrepancy.fit import Fit, Fitter
@@ -32,21 +32,29 @@ Array = NDArray[np.float64]
 _STEP = 1e-3  # of an unknown, for slopes
 
 
-def menu(aperture_mm: float, holds_to_mbar: float = math.inf) -> tuple[str, ...]:
+def menu(
+    aperture_mm: float, holds_to_mbar: float = math.inf, *, relaxes: bool = False
+) -> tuple[str, ...]:
     """Return the programs of an opening, for a skin that creases at a suction.
 
     Pulses are last: where two programs tell as much in as much time, the gentler one is taken.
+    Where an explanation relaxes, eight pulses take half a minute to foresee; a jump that is held,
+    with a slow ramp behind it, tells creeps apart as well (docs/decisions/0199).
     """
     least = int(PLANS.of_crease * min(holds_to_mbar, 1e4)) // 10 * 10
     top = min(PLANS.tops_mbar[aperture_mm], least)
     if top < PLANS.least_top_mbar:
         return ()
-    slow = math.ceil(top / PLANS.slow_s)
+    slow, slow_behind = (math.ceil(top / s) for s in (PLANS.slow_s, PLANS.slow_behind_s))
+    at_once = f"{STEP_RATE_MBAR_PER_S:g}"
+    jump = f"ramp:{top}@{at_once},hold:10,ramp:0@{at_once},hold:5"
     return (
         f"ramp:{top}@60,ramp:0@60",
         f"ramp:{top}@80,hold:20,ramp:0@80,hold:8",
         f"ramp:{top}@{slow},ramp:0@{slow}",
+        *([f"{jump},ramp:{top}@{slow_behind},ramp:0@{slow_behind}"] if relaxes else []),
         f"mode1:{top},1,1,4",
+        *([] if relaxes else [f"mode1:{top},1,1,8"]),
     )
 
 

@@ -105,6 +105,16 @@ def fit_elsewhere(fitter: Fitter, task: tuple[Fit, Signature, Fit | None]) -> Fi
     return _better(_from_there(fitter, nearest, start), found)
 
 
+def from_the_middle(fit: Fit, effect: str) -> tuple[Unknowns, Array]:
+    """Return where a fit with one more effect begins that was not screened: at its usual size."""
+    unknowns = fit.unknowns.with_effect(effect)
+    own = unknowns.axes[len(fit.u) - unknowns.count :]
+    sizes = [0.0 if axis.parameter.zero is None else FITS.levels[0] for axis in own]
+    start = np.concatenate([fit.u, sizes])
+    start[: unknowns.count] = middle_of(unknowns)
+    return unknowns, np.clip(start, *unknowns.bounds)
+
+
 def _from_the_middle(fit: Fit, seen: Signature, nearest: Fit) -> Array:
     """Return where a fit ended, with the law in the middle of its ranges.
 

@@ -429,9 +429,9 @@ class PlanRules:
     """log10 evidence by which an explanation has to lead."""
     lone_tie: float = NameRules.lone_tie
     """The same where no other condition is measured."""
-    settled: float = 0.85
+    settled: float = 0.9
     """Probability of the right name, whichever is true, from which on a plan settles it: four of
-    five shall, and errors in life are less regular than those that are planned with."""
+    five shall, some ties nothing settles, and errors in life are less regular than planned."""
     least_gain: float = 0.05
     """Gain of that probability below which a measurement is not worth its time."""
     useless: float = 0.3
@@ -442,12 +442,14 @@ class PlanRules:
     """Minutes to change the opening."""
     as_sure: float = 0.03
     """Of that probability: of measurements that are as good but for this the quickest is taken."""
-    most_placements: int = 5
-    """Of one measurement: some ten minutes."""
+    most_placements: int = 8
+    """Of one measurement: a quarter of an hour."""
     most_measurements: int = 4
     """Of a plan."""
     most_minutes: float = 30.0
     """Of a plan: a visit."""
+    most_dose_mbar_s: float = 50_000.0
+    """The same: one site may have 60,000 (docs/safety.md), and what is late counts as well."""
     tops_mbar: Mapping[float, int] = field(
         default_factory=lambda: {2.0: 400, 4.0: 200, 6.0: 100, 8.0: 100}
     )
@@ -459,6 +461,8 @@ class PlanRules:
     """An opening whose skin does not bear as much is left out."""
     slow_s: int = 25
     """Up, and again down: suction without a pause may last 60 s, and samples tell."""
+    slow_behind_s: int = 20
+    """The same behind a jump that is held."""
     settings: int = 3
     """Of the errors, for which outcomes are drawn."""
     outcomes: int = 256

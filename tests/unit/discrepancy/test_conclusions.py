@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from hidden_effects import RAMPS, SKIN, TRUE, fitter_of, learned, measured
 
+from drivers.limits import DEFAULT_DOSE_MBAR_S
 from skinlab.curves.pressure_path import PressurePath
 from skinlab.curves.program import parse_program
 from skinlab.discrepancy import heldout, pair_search, workflow
@@ -21,6 +22,7 @@ from skinlab.discrepancy.misfit import errors_of, mesh_columns
 from skinlab.discrepancy.next_measurement import (
     Plan,
     Planned,
+    _bearable,
     _Look,
     _looks,
     _most_telling,
@@ -793,10 +795,20 @@ def test_what_may_be_advised_is_what_a_driver_allows():
         assert aperture in (2.0, 4.0, 6.0, 8.0)
         assert not menu(aperture, 30.0)
         for holds_to in (34.0, 77.0, 102.0, 311.0, float("inf")):
-            for text in menu(aperture, holds_to):
+            for text in (
+                *menu(aperture, holds_to),
+                *menu(aperture, holds_to, relaxes=True),
+            ):
                 program = parse_program(text)
                 assert program.max_pressure_mbar <= min(500, top, 0.9 * holds_to)
                 assert program.duration_s <= 60
+    # Many pulses of a skin that relaxes take a minute to foresee: a jump that is held instead.
+    programs, relaxing = menu(6.0), menu(6.0, relaxes=True)
+    assert "mode1:100,1,1,8" in programs
+    assert set(relaxing) - set(programs) == {
+        "ramp:100@2000,hold:10,ramp:0@2000,hold:5,ramp:100@5,ramp:0@5"
+    }
+    assert set(programs) - set(relaxing) == {"mode1:100,1,1,8"}
 
 
 def test_a_plan_that_confirms_the_leader_alone_settles_nothing():
@@ -804,18 +816,18 @@ def test_a_plan_that_confirms_the_leader_alone_settles_nothing():
     normal = np.random.default_rng(0).standard_normal((4000, 2))
     odds = _Odds([("LAG",), ("GAIN",)], np.array([1.25, 0.0]), 2, [0, 0], PLANS.tie, normal)
     apart = np.array([[[0.0, 0.0], [0.0, 6.0]]])  # 2.4 standard deviations
-    plan = odds.plan([_Look(Planned(6.0, "ramp:100@20", 1, 2.0), apart, fresh=True)])
+    plan = odds.plan([_Look(Planned(6.0, "ramp:100@20", 1, 2.0), 500.0, apart, fresh=True)])
     assert plan.settled > 0.8
     assert plan.fair == pytest.approx(0.5, abs=0.1)
     assert plan.sure == plan.fair
-    far = odds.plan([_Look(Planned(6.0, "ramp:100@20", 1, 2.0), 8.0 * apart, fresh=True)])
+    far = odds.plan([_Look(Planned(6.0, "ramp:100@20", 1, 2.0), 500.0, 8.0 * apart, fresh=True)])
     assert far.sure > PLANS.settled
 
 
 @pytest.mark.parametrize(
     ("sure", "advised"),
     [
-        ((0.7, 0.86, 0.97, 0.99), 1),  # the quickest that settles it
+        ((0.7, 0.91, 0.97, 0.99), 1),  # the quickest that settles it
         ((0.5, 0.78, 0.8, 0.7), 1),  # the quickest of those that come as near
         ((0.5, 0.7, 0.8, 0.7), 2),
     ],
@@ -823,7 +835,7 @@ def test_a_plan_that_confirms_the_leader_alone_settles_nothing():
 def test_what_settles_it_alone_is_advised(sure, advised):
     """One part of a plan came first, and left three ties of ten as they were."""
     looks = [
-        _Look(Planned(6.0, f"ramp:{k}@20", 1, 2.0 + k), np.zeros((1, 2, 2)), fresh=True)
+        _Look(Planned(6.0, f"ramp:{k}@20", 1, 2.0 + k), 500.0, np.zeros((1, 2, 2)), fresh=True)
         for k in range(4)
     ]
     plans = [
@@ -917,6 +929,21 @@ def test_no_suction_is_advised_at_which_a_skin_creases(table):
         problem = SkinProblem(Geometry(each.aperture_mm, 1.1), unknowns.skin(far[0].u))
         creases = fitter.domes.creases_mbar(problem)
         assert parse_program(each.program).max_pressure_mbar <= 0.9 * creases
+
+
+def test_a_plan_is_one_that_a_site_bears(table):
+    """A driver refuses what brings a site above the dose of a visit: no plan may ask for it."""
+    assert PLANS.most_dose_mbar_s < DEFAULT_DOSE_MBAR_S
+    fitter = fitter_of(measured({}, [(6.0, "ramp:100@20", 1)]), table)
+    one = fitter.fit(Unknowns(("baseline_drift",)), np.append(TRUE, 3.0))
+    looks = _looks(fitter, [one, one], [PlannedErrors(white_um=3.0)])
+    slow = [one for one in looks if one.kind == (2.0, "ramp:400@16,ramp:0@16")]
+    # 25 s up and 25 down: 10,000 mbar·s each time.
+    assert [one.planned.placements for one in slow] == [1, 2, 3, 4, 5][: len(slow)]
+    assert slow[-1].dose_mbar_s == pytest.approx(50_000.0, rel=0.03)
+    assert max(one.dose_mbar_s for one in looks) <= PLANS.most_dose_mbar_s
+    assert _bearable(slow[:2])
+    assert not _bearable([slow[1], slow[-1]])
 
 
 def test_a_breath_is_planned_with(table):

@@ -4,11 +4,15 @@ from __future__ import annotations
 
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
+from skinlab.discrepancy.fit import NO_LIMIT
 from skinlab.discrepancy.pair_search import PairSearch
 from skinlab.discrepancy.race import Race
-from skinlab.discrepancy.settings import SEARCH
+from skinlab.discrepancy.settings import FITS, SEARCH
+from skinlab.discrepancy.starts import middle_of
+from skinlab.discrepancy.unknowns import Unknowns
 
 
 def candidate(*effects, adequate=True, log10_evidence=0.0, p_value=0.5, cost=100.0):
@@ -172,3 +176,44 @@ def test_pairs_are_gone_on_with_where_what_explains_is_in_doubt(p_value, further
     assert found == []
     gone_on = [("tension", "layer"), ("tension", "lag"), ("layer", "fat")]
     assert tried == (gone_on if further else [])
+
+
+@pytest.mark.parametrize("doubt", [True, False])
+def test_what_cannot_be_screened_beside_a_half_is_fitted_from_another_law(doubt):
+    """A creep alone ended at a skin so soft that a stiffening, which was hidden, had no model."""
+    creep = candidate("viscoelasticity", adequate=False, p_value=0.0, cost=3800.0)
+    bent = candidate("viscoelasticity", "sensor_curve", p_value=0.0, cost=3070.0)
+    unknowns = Unknowns(("viscoelasticity",))
+    creep.fit.unknowns, creep.fit.u = unknowns, np.array([-4.6, 5.3, 0.42, 1.0, 1.2])
+    explains = candidate("viscoelasticity", "strain_stiffening", p_value=0.3, cost=2100.0)
+    lagging = candidate("viscoelasticity", "pressure_lag", p_value=0.0 if doubt else 0.3, cost=3060)
+    tasks = []
+    race = SimpleNamespace(
+        # Of a lag 30 are promised; a stiffening has no model there, and a drift does nothing.
+        screen=lambda fit, names, errors=None: (
+            {
+                n: SimpleNamespace(effect=n, gain=30.0 if n == "pressure_lag" else 0.0)
+                for n in names
+                if n != "strain_stiffening"
+            },
+            {},
+        ),
+        base=SimpleNamespace(fit=SimpleNamespace(cost=39_000.0)),
+        held=lambda fit: [],
+        run=lambda asked, known: [lagging for _ in asked],
+        fitted=lambda function, asked: tasks.extend(asked) or [explains for _ in asked],
+    )
+    library = [
+        "viscoelasticity", "sensor_curve", "pressure_lag", "strain_stiffening", "baseline_drift"
+    ]  # fmt: skip
+    search = SimpleNamespace(own=(), library=library, looks=[], progress=lambda _: 0)
+    found = PairSearch(search, race)._further([creep], [creep, bent])
+    assert found == ([lagging, explains] if doubt else [lagging])
+    if not doubt:
+        assert tasks == []
+        return
+    [(both, start, limit)] = tasks
+    assert both.effects == ("viscoelasticity", "strain_stiffening")
+    assert limit == NO_LIMIT
+    assert start[:3] == pytest.approx(middle_of(unknowns))
+    assert start[3:] == pytest.approx([1.0, 1.2, FITS.levels[0]])
