@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -208,13 +209,30 @@ def judge(
     return _residual(records, likeliest, own_mm(likeliest), float(p_value), float(by_errors))
 
 
+class Steps(NamedTuple):
+    """By how much a residual has steps that stay, in standard deviations of chance."""
+
+    large: float  # of each step what is beyond its first µm
+    every: float  # of all of it
+
+    @property
+    def sudden(self) -> bool:
+        """Whether something has let go.
+
+        By what is large alone; or, where steps are far from chance, if large ones are as chance has
+        them: with little noise what a model is off by is many deviations, and never large.
+        """
+        small = self.every >= NAMES.small_steps and self.large >= NAMES.no_fewer
+        return small or self.large >= NAMES.steps
+
+
 def steps(
     records: Sequence[Record],
     errors: Covariance,
     residual_mm: Array,
     unrounded: Covariance | None = None,
-) -> float:
-    """Return by how much a residual (u,) has steps that stay, in standard deviations of chance.
+) -> Steps:
+    """Return by how much a residual (u,) has steps that stay.
 
     Of each curve the one step that takes most off χ², all curves added up, against the same of
     errors that are drawn, and rounded as the readings are: where rounding is among the errors,
@@ -237,7 +255,8 @@ def steps(
             part[:] = _rounded(record, rounding, own, read, rng)
     every = np.column_stack([residual_mm, drawn])
     score = errors.transposed_without_columns(errors.without_columns(every))
-    total, side = np.zeros(ERRORS.drawn + 1), ERRORS.step_side
+    large, every_step, chance = 0.0, 0.0, np.zeros(ERRORS.drawn)
+    side = ERRORS.step_side
     for record, part in zip(records, errors.split(score), strict=True):
         pulled = np.flatnonzero(record.pressure_mbar > SUCTION.about_zero_mbar)
         begin = max(side, int(pulled[0])) if len(pulled) else len(part)
@@ -245,10 +264,13 @@ def steps(
             continue
         since = np.cumsum(part[::-1], axis=0)[::-1][begin:-side]  # of steps there
         usual = np.square(since[:, 1:]).mean(axis=1, keepdims=True)  # a step's information, too
-        since[:, 0] = np.maximum(np.abs(since[:, 0]) - 1e-3 * NAMES.practical_um * usual[:, 0], 0.0)
-        total += (np.square(since) / usual).max(axis=0)
-    chance = total[1:]
-    return float((total[0] - chance.mean()) / max(float(chance.std()), 1e-9))
+        gains = np.square(since) / usual
+        every_step += float(gains[:, 0].max())
+        chance += gains[:, 1:].max(axis=0)
+        beyond = np.abs(since[:, 0]) - 1e-3 * NAMES.practical_um * usual[:, 0]
+        large += float((np.square(np.maximum(beyond, 0.0)) / usual[:, 0]).max())
+    mean, sd = float(chance.mean()), max(float(chance.std()), 1e-9)
+    return Steps((large - mean) / sd, (every_step - mean) / sd)
 
 
 def _rounded(

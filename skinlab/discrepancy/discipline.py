@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import logsumexp, softmax
 
-from skinlab.discrepancy.adequacy import steps
+from skinlab.discrepancy.adequacy import Steps, steps
 from skinlab.discrepancy.campaign_errors import (
     CampaignErrors,
     Linearised,
@@ -207,7 +207,7 @@ class Discipline:
         # out, though pure error may be larger; where that knows of none that last, by its own.
         looks = self._errors.looks[-1:] + ((self._errors.pure,) if best.kind else ())
 
-        def left(one: Candidate, errors: ErrorChoice) -> float:
+        def left(one: Candidate, errors: ErrorChoice) -> Steps:
             # At its optimum by these errors: its fit ended near that by wider ones, and what a
             # refit would take off is no step.
             linear = self._linear[id(one)]
@@ -216,8 +216,8 @@ class Discipline:
 
         # Of a corner that it does follow, some share is left; of steps it takes off half at most.
         passed = any(
-            (size := left(best, e)) < NAMES.steps
-            or (best.kind and size < NAMES.steps_left * left(base, e))
+            not (found := left(best, e)).sudden
+            or (best.kind and found.large < NAMES.steps_left * left(base, e).large)
             for e in looks
         )
         it_leaves = "they leave" if are_several(best, base.effects) else "it leaves"

@@ -160,7 +160,7 @@ def _trials(search: Search, linear: Linearised, node: Node, squares: Array) -> I
         if again else "it is not there whichever curve is left out",
     )  # fmt: skip
     left = steps(search.fitter.records, node.covariance, linear.residual_mm, node.unrounded)
-    passed = left < NAMES.steps
+    passed = not left.sudden
     yield Trial(
         "steps", passed,
         "it leaves no sudden steps"

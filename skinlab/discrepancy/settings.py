@@ -364,7 +364,12 @@ class NameRules:
     smooth_degree: int = 4
     """Of the smooth error, a polynomial in p/p_max, loading and unloading apart."""
     steps: float = 4.0
-    """Standard deviations of chance by which an explanation may leave steps."""
+    """Standard deviations of chance by which an explanation may leave steps beyond 1 µm."""
+    small_steps: float = 3.0
+    """The same of all of each step: of 20 right names none left more than 0.2, of three tapes that
+    let go by 3 to 12 µm, called a drift, the zero's wander among their errors, they left 2 to 7;"""
+    no_fewer: float = -1.0
+    """where those beyond 1 µm are no fewer than by chance: of 20 right names -2 and less."""
     steps_left: float = 0.03
     """Or, of a learned function, such a share of those that the model as it is leaves: a loop whose
     turn it follows nearly left 1 to 2 %, functions learned of tape that jumps 50 to 95 %."""

@@ -13,7 +13,6 @@ from skinlab.curves.campaign import Campaign
 from skinlab.curves.curve import Curve, Setup
 from skinlab.curves.pressure_path import PressurePath
 from skinlab.curves.program import parse_program
-from skinlab.discrepancy import adequacy
 from skinlab.discrepancy.adequacy import Residual, look, steps
 from skinlab.discrepancy.campaign_error_models import models_of, walk_shapes
 from skinlab.discrepancy.campaign_errors import (
@@ -787,7 +786,7 @@ def test_in_quiet_readings_a_step_below_a_micrometre_is_what_a_model_may_be_off_
         rng.normal(0, 2e-4, len_of(r)) + 1e-3 * jump_um * (np.arange(len_of(r)) > 0.4 * len_of(r))
         for r in records
     ]
-    assert (steps(records, quiet, np.concatenate(off)) > NAMES.steps) == seen
+    assert steps(records, quiet, np.concatenate(off)).sudden == seen
 
 
 def len_of(record):
@@ -816,7 +815,30 @@ def test_steps_that_stay_are_told_from_what_wanders(table, plan, jump_um, walk_u
     off = [
         r.curve.deflection_mm - c.curve.deflection_mm for r, c in zip(records, clean, strict=True)
     ]
-    assert (steps(records, covariance, np.concatenate(off)) > NAMES.steps) == seen
+    assert steps(records, covariance, np.concatenate(off)).sudden == seen
+
+
+@pytest.mark.parametrize(("jump_um", "seen"), [(0.0, False), (4.0, True)])
+def test_small_steps_are_seen_through_errors_that_took_them_up(table, jump_um, seen):
+    """What wanders was learned from such steps: it hides them, and has fewer of them itself."""
+
+    def errors(t, per_log, rng):
+        jumps = sum(1e-3 * jump_um * (t > rng.uniform(0.2, 0.8) * t[-1]) for _ in range(2))
+        return rng.normal(0, 3e-3, len(t)) + wandering(t, 3e-3, 0.2, rng) + jumps
+
+    plan = 9 * [(6.0, "ramp:100@20,ramp:0@20")]
+    records = records_of(campaign(table, errors, plan))
+    clean = records_of(campaign(table, lambda t, per_log, rng: 0.0, plan))
+    plain = errors_of(records)
+    time_s = np.concatenate([r.curve.time_s for r in records])
+    learned = OrnsteinUhlenbeck(3.4e-3, 0.2)
+    covariance = replace(plain, variance_mm2=plain.variance_mm2 + 9e-6, ou=learned, time_s=time_s)
+    off = [
+        r.curve.deflection_mm - c.curve.deflection_mm for r, c in zip(records, clean, strict=True)
+    ]
+    found = steps(records, covariance, np.concatenate(off))
+    assert found.large < NAMES.steps
+    assert found.sudden == seen
 
 
 @pytest.mark.parametrize(("until_mbar", "seen"), [(1.8, False), (8.0, True)])
@@ -826,16 +848,15 @@ def test_tape_lets_go_where_something_pulls(table, until_mbar, seen):
     records = records_of(campaign(table, lambda t, per_log, rng: rng.normal(0, 2e-3, len(t)), plan))
     rng, until_s = np.random.default_rng(0), until_mbar / 4.0
     off = [rng.normal(0, 2e-3, len_of(r)) - 0.02 * (r.curve.time_s < until_s) for r in records]
-    assert (steps(records, errors_of(records), np.concatenate(off)) > NAMES.steps) == seen
+    assert steps(records, errors_of(records), np.concatenate(off)).sudden == seen
 
 
 @pytest.mark.parametrize(
     ("noise_um", "jump_um", "low", "high"),
     [(2.0, 0.0, -2.0, 1.0), (4.0, 0.0, -2.0, 1.0), (2.0, 12.0, NAMES.steps, np.inf)],
 )
-def test_rounded_noise_has_the_steps_of_noise(table, monkeypatch, noise_um, jump_um, low, high):
+def test_rounded_noise_has_the_steps_of_noise(table, noise_um, jump_um, low, high):
     """Errors were drawn with their rounding in them, and rounded once more."""
-    monkeypatch.setattr(adequacy, "NAMES", replace(NAMES, practical_um=0.0))
     exact = records_of(campaign(table, lambda t, per_log, rng: 0.0))
     ends = np.cumsum([len_of(r) for r in exact])
     variance = np.full(ends[-1], 1e-6 * noise_um**2)
@@ -850,7 +871,7 @@ def test_rounded_noise_has_the_steps_of_noise(table, monkeypatch, noise_um, jump
             read = 0.01 * np.round((w + errors) / 0.01)
             records.append(replace(r, curve=replace(r.curve, deflection_mm=read)))
             off.append(read - w)
-        scores.append(steps(records, rounded, np.concatenate(off), unrounded))
+        scores.append(steps(records, rounded, np.concatenate(off), unrounded).every)
     assert low < np.mean(scores) < high
 
 
@@ -880,7 +901,7 @@ def test_means_of_rounded_readings_jump_by_half_a_step_on_a_hold(table, jump_um,
     # As such readings look: hardly any noise but their rounding.
     unrounded = Covariance(np.full(ends[-1], 1e-7), np.zeros((ends[-1], 0)), tuple(ends.tolist()))
     rounded = replace(unrounded, variance_mm2=unrounded.variance_mm2 + 0.01**2 / 24)
-    assert (steps(records, rounded, off, unrounded) > NAMES.steps) == seen
+    assert steps(records, rounded, off, unrounded).sudden == seen
 
 
 def test_where_a_skin_creases_two_meshes_may_differ(table):
