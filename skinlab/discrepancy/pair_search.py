@@ -14,12 +14,12 @@ from skinlab.discrepancy.campaign_errors import Linearised
 from skinlab.discrepancy.candidates import Candidate, best_fitting, best_of_each, outdone
 from skinlab.discrepancy.fit import NO_LIMIT, Fit, Fitter, Limit
 from skinlab.discrepancy.race import Race
-from skinlab.discrepancy.screen import Signature, linear_pairs
+from skinlab.discrepancy.screen import NOT_HELD, Signature, linear_pairs
 from skinlab.discrepancy.search_workers import (
     fit_elsewhere,
     fit_from,
     fit_on,
-    from_the_middle,
+    unscreened_start,
 )
 from skinlab.discrepancy.settings import ERRORS, FITS, NAMES, SEARCH
 from skinlab.discrepancy.unknowns import Unknowns
@@ -270,7 +270,10 @@ class PairSearch:
                 if n not in half.effects and frozenset((*half.effects, n)) not in fitted
             ]  # fmt: skip
             seen = {s.effect for _, s in self._partners(library, half)}
-            tasks += [(*from_the_middle(half.fit, n), NO_LIMIT) for n in library if n not in seen]
+            # A plugin that broke down is not asked again.
+            _, why = self._race.screen(half.fit, [n for n in library if n not in seen])
+            unheld = [n for n in why if why[n] == NOT_HELD]
+            tasks += [(*unscreened_start(half.fit, n), NO_LIMIT) for n in unheld]
         if not tasks:
             return []
         told = ", ".join(" and ".join(u.effects[len(self._own) :]) for u, *_ in tasks)

@@ -105,7 +105,7 @@ def fit_elsewhere(fitter: Fitter, task: tuple[Fit, Signature, Fit | None]) -> Fi
     return _better(_from_there(fitter, nearest, start), found)
 
 
-def from_the_middle(fit: Fit, effect: str) -> tuple[Unknowns, Array]:
+def unscreened_start(fit: Fit, effect: str) -> tuple[Unknowns, Array]:
     """Return where a fit with one more effect begins that was not screened: at its usual size."""
     unknowns = fit.unknowns.with_effect(effect)
     own = unknowns.axes[len(fit.u) - unknowns.count :]

@@ -10,6 +10,7 @@ import pytest
 from skinlab.discrepancy.fit import NO_LIMIT
 from skinlab.discrepancy.pair_search import PairSearch
 from skinlab.discrepancy.race import Race
+from skinlab.discrepancy.screen import NOT_HELD
 from skinlab.discrepancy.settings import FITS, SEARCH
 from skinlab.discrepancy.starts import middle_of
 from skinlab.discrepancy.unknowns import Unknowns
@@ -188,23 +189,24 @@ def test_what_cannot_be_screened_beside_a_half_is_fitted_from_another_law(doubt)
     explains = candidate("viscoelasticity", "strain_stiffening", p_value=0.3, cost=2100.0)
     lagging = candidate("viscoelasticity", "pressure_lag", p_value=0.0 if doubt else 0.3, cost=3060)
     tasks = []
+    # A stiffening has no model there; an effect that somebody installed breaks down.
+    why = {"strain_stiffening": NOT_HELD, "theirs": "plugin x broke down: ValueError: no"}
+    gains = {"pressure_lag": 30.0, "baseline_drift": 0.0}
+
+    def screen(fit, names, errors=None):
+        seen = {n: SimpleNamespace(effect=n, gain=gains[n]) for n in names if n in gains}
+        return seen, {n: why[n] for n in names if n in why}
+
     race = SimpleNamespace(
-        # Of a lag 30 are promised; a stiffening has no model there, and a drift does nothing.
-        screen=lambda fit, names, errors=None: (
-            {
-                n: SimpleNamespace(effect=n, gain=30.0 if n == "pressure_lag" else 0.0)
-                for n in names
-                if n != "strain_stiffening"
-            },
-            {},
-        ),
+        screen=screen,
         base=SimpleNamespace(fit=SimpleNamespace(cost=39_000.0)),
         held=lambda fit: [],
         run=lambda asked, known: [lagging for _ in asked],
         fitted=lambda function, asked: tasks.extend(asked) or [explains for _ in asked],
     )
     library = [
-        "viscoelasticity", "sensor_curve", "pressure_lag", "strain_stiffening", "baseline_drift"
+        "viscoelasticity", "sensor_curve", "pressure_lag", "strain_stiffening", "baseline_drift",
+        "theirs",
     ]  # fmt: skip
     search = SimpleNamespace(own=(), library=library, looks=[], progress=lambda _: 0)
     found = PairSearch(search, race)._further([creep], [creep, bent])
