@@ -38,8 +38,8 @@ def menu(
     """Return the programs of an opening, for a skin that creases at a suction.
 
     Pulses are last: where two programs tell as much in as much time, the gentler one is taken.
-    Where an explanation relaxes, eight pulses take half a minute to foresee; a jump that is held,
-    with a slow ramp behind it, tells creeps apart as well (docs/decisions/0199).
+    Where an explanation relaxes, many pulses take long to foresee; a jump that is held, with a slow
+    ramp behind it, tells creeps apart as well (docs/decisions/0199).
     """
     least = int(PLANS.of_crease * min(holds_to_mbar, 1e4)) // 10 * 10
     top = min(PLANS.tops_mbar[aperture_mm], least)

@@ -802,7 +802,7 @@ def test_what_may_be_advised_is_what_a_driver_allows():
                 program = parse_program(text)
                 assert program.max_pressure_mbar <= min(500, top, 0.9 * holds_to)
                 assert program.duration_s <= 60
-    # Many pulses of a skin that relaxes take a minute to foresee: a jump that is held instead.
+    # Many pulses of a skin that relaxes take long to foresee: a jump that is held instead.
     programs, relaxing = menu(6.0), menu(6.0, relaxes=True)
     assert "mode1:100,1,1,8" in programs
     assert set(relaxing) - set(programs) == {
@@ -939,7 +939,7 @@ def test_a_plan_is_one_that_a_site_bears(table):
     looks = _looks(fitter, [one, one], [PlannedErrors(white_um=3.0)])
     slow = [one for one in looks if one.kind == (2.0, "ramp:400@16,ramp:0@16")]
     # 25 s up and 25 down: 10,000 mbar·s each time.
-    assert [one.planned.placements for one in slow] == [1, 2, 3, 4, 5][: len(slow)]
+    assert [one.planned.placements for one in slow] == [1, 2, 3, 4, 5]
     assert slow[-1].dose_mbar_s == pytest.approx(50_000.0, rel=0.03)
     assert max(one.dose_mbar_s for one in looks) <= PLANS.most_dose_mbar_s
     assert _bearable(slow[:2])
