@@ -101,7 +101,7 @@ def command(
     from skinlab.acquisition.session_run import plan_of
     from skinlab.curves.curve import Setup
     from skinlab.curves.program import parse_program
-    from skinlab.recording.load_inputs import check_session_name
+    from skinlab.recording.session_names import check_session_name
 
     check_session_name(out)
     _, speaks = choose_dialect(port, dialect)

@@ -33,9 +33,9 @@ def command(file: Path, out: Path | None) -> int:
     """
     from skinlab.errors import InputError
     from skinlab.recording.journal import is_live
-    from skinlab.recording.load_inputs import SESSIONS, check_session_name
     from skinlab.recording.recorder import recover
     from skinlab.recording.salvage import is_session, salvage
+    from skinlab.recording.session_names import check_session_name, is_session_name
     from skinlab.text import counted
 
     was_session = is_session(file)
@@ -45,7 +45,7 @@ def command(file: Path, out: Path | None) -> int:
         out = file.with_name(f"{file.stem}.recovered.h5")
     else:
         out = file.with_suffix("") if file.suffix == ".journal" else file
-        out = out if out.suffix.lower() in SESSIONS else Path(f"{out}.h5")
+        out = out if is_session_name(out) else Path(f"{out}.h5")
     if is_live(file):
         raise InputError(f"{file}: a measurement is recording there now; it saves by itself")
     made, skipped = (salvage if was_session else recover)(file, out)

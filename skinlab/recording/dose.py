@@ -15,7 +15,9 @@ from skinlab.io.documents import read_json_object
 from skinlab.io.hdf5 import open_hdf5
 from skinlab.recording.audit import entries
 from skinlab.recording.clocks import clock_readings
-from skinlab.recording.session import Session, read_session
+from skinlab.recording.journal import all_left_behind, read_journal
+from skinlab.recording.session import Session, read_session, session_from_records
+from skinlab.recording.session_names import is_session_name, sessions_in
 
 VISIT_S = 12 * 3600.0  # what was measured earlier belongs to another visit
 _UNREADABLE = (InputError, OSError, KeyError, TypeError, ValueError)
@@ -58,44 +60,66 @@ def dose_before(
     """Return what a site had in this visit already, and the names of the sessions that say so.
 
     Looked at are the sessions of a folder that were begun in the last 12 h (`VISIT_S`), with the
-    same subject and the same site, of simulated instruments or of real ones alike. Without subject
-    or site nobody can know. A session that cannot be read counts as none.
+    same subject and the same site, of simulated instruments or of real ones alike; and the journals
+    that crashes left there. One that is there twice (a copy, or what was saved before the crash)
+    counts once, as the one that says more. Without subject or site nobody can know. What cannot be
+    read counts as none.
     """
-    total, names = Dose(), list[str]()
-    if not subject or not site or not folder.is_dir():
-        return total, names
+    found = dict[object, tuple[Dose, str]]()
+    if not subject or not site:
+        return Dose(), []
     for path in _recent(folder, now_utc_s):
         with suppress(*_UNREADABLE):
-            session = read_session(path)
+            session = _read(path)
             if _belongs(session.meta, (subject, site), now_utc_s, simulated=simulated):
-                total += dose_of(session)
-                names.append(path.name)
-    return total, names
+                begun, dose = _begun(session.meta), dose_of(session)
+                if begun not in found or dose.suction_mbar_s > found[begun][0].suction_mbar_s:
+                    found[begun] = dose, path.name
+    return sum((dose for dose, _ in found.values()), Dose()), [name for _, name in found.values()]
 
 
 def loaded_before(
     folder: Path, subject: str, site: str, now_utc_s: float, *, simulated: bool
 ) -> list[str]:
-    """Return the names of the sessions of which `dose_before` would count the dose.
+    """Return what `dose_before` would count the dose of, by name; of two of one visit the first.
 
-    Only their facts are read, and no seal is checked: quick enough for a key.
+    Of a session only the facts are read, and no seal is checked: quick enough for a key.
     """
-    names = list[str]()
-    if not subject or not site or not folder.is_dir():
-        return names
+    names = dict[object, str]()
+    if not subject or not site:
+        return []
     for path in _recent(folder, now_utc_s):
-        with suppress(*_UNREADABLE), open_hdf5(path) as file:
-            meta = read_json_object(file.attrs["meta"])
+        with suppress(*_UNREADABLE):
+            meta = _facts(path)
             if _belongs(meta, (subject, site), now_utc_s, simulated=simulated):
-                names.append(path.name)
-    return names
+                names.setdefault(_begun(meta), path.name)
+    return list(names.values())
 
 
 def _recent(folder: Path, now_utc_s: float) -> Iterator[Path]:
-    for path in sorted(folder.glob("*.h5")):
+    for path in (*sessions_in(folder), *all_left_behind(folder)):
         with suppress(OSError):
             if now_utc_s - path.stat().st_mtime <= VISIT_S:  # it was begun before it was written
                 yield path
+
+
+def _read(path: Path) -> Session:
+    if is_session_name(path):
+        return read_session(path)
+    left = read_journal(path, left=True)
+    return session_from_records(left.meta, left.records)
+
+
+def _facts(path: Path) -> Mapping[str, Any]:
+    if not is_session_name(path):
+        return _read(path).meta  # what the instrument is comes after the first records
+    with open_hdf5(path) as file:
+        return read_json_object(file.attrs["meta"])
+
+
+def _begun(meta: Mapping[str, Any]) -> object:
+    """Return what no two visits have alike."""
+    return meta["created_utc"], meta.get("created_host_time_s")
 
 
 def _belongs(

@@ -15,11 +15,11 @@ from skinlab.curves.distinct import check_distinct
 from skinlab.errors import InputError
 from skinlab.io.files import cannot_read, file_hash, real_path
 from skinlab.plugins import warn
+from skinlab.recording.session_names import SESSIONS, is_session_name
 
 if TYPE_CHECKING:
     from skinlab.recording.session import StatedModel
 
-SESSIONS = frozenset({".h5", ".hdf5"})  # endings of their names
 NONE_LEFT = "all its curves were left out by who measured them; expected one at least"
 
 
@@ -63,7 +63,7 @@ def read_input(path: Path, setup: Setup | None, unusable: list[Unusable] | None 
         campaign = read_campaign(path, unusable)
         noise = campaign.noise_um, campaign.pressure_noise_mbar
         return Input(campaign.curves, *noise, campaign.placement_scatter)
-    if suffix in SESSIONS:
+    if is_session_name(path):
         from skinlab.recording.session import read_session, stated_model, stated_noise
         from skinlab.recording.session_fit import left_out_of
 
@@ -101,16 +101,6 @@ def _file_of(path: Path) -> Path:
     return file
 
 
-def check_session_name(path: Path) -> None:
-    """Make sure that commands would take a file of this name for a session.
-
-    Raises:
-        InputError: its name does not end as sessions' do.
-    """
-    if path.suffix.lower() not in SESSIONS:
-        raise InputError(f"{path}: expected a name that ends with .h5, as sessions have")
-
-
 def import_advice(paths: Sequence[Path]) -> str:
     """Return what to do with the first of these that is no input, but could be; "" for none."""
     bare = next((p for p in paths if isdir(p) and not exists(p / "campaign.toml")), None)
@@ -139,7 +129,7 @@ def read_campaign_or_session(path: Path) -> tuple[Campaign, dict[str, str]]:
         check_distinct(named)
         hashes = {path.name: file_hash(path)} | {c.name: c.source for c in named if c.source}
         return replace(campaign, curves=named), hashes
-    if suffix in SESSIONS:
+    if is_session_name(path):
         given = read_input(path, None)
         check_distinct(given.curves)
         for sentence in given.left_out_words:

@@ -22,6 +22,7 @@ from skinlab.recording.pseudonym import check_site, check_subject
 from skinlab.recording.recorded_items import dialect_facts
 from skinlab.recording.records import Kind, Record
 from skinlab.recording.session import Session, read_session, session_from_records, write_session
+from skinlab.recording.session_names import check_session_name
 from skinlab.recording.stream import (
     CurveCompleted,
     CurveStarted,
@@ -73,7 +74,8 @@ class Recording:
 
     Raises:
         InputError: the session exists already, nothing can be written there, the subject is no
-            pseudonym, or the site names a person. Said before any suction starts.
+            pseudonym, the site names a person, or
+            the file is not called as sessions are. Said before any suction starts.
     """
 
     def __init__(
@@ -91,6 +93,7 @@ class Recording:
     ) -> None:
         check_subject(subject)
         check_site(site)
+        check_session_name(path)
         if os.path.exists(path):
             raise InputError(f"{path}: exists already; a session is never overwritten")
         self.path = path
@@ -227,7 +230,7 @@ def new_session_path(folder: Path, now: datetime) -> Path:
     stem = now.strftime("session-%Y%m%d-%H%M%S")
     path = folder / f"{stem}.h5"
     number = 2
-    while path.exists() or path.with_name(path.name + ".journal").exists():
+    while path.exists() or journal_of(path).exists():
         path = folder / f"{stem}-{number}.h5"
         number += 1
     return path

@@ -20,6 +20,7 @@ import numpy as np
 from skinlab.errors import SkinlabError
 from skinlab.io.sqlite import check_only_tables
 from skinlab.recording.session import earlier, measured_utc, read_session
+from skinlab.recording.session_names import sessions_in
 
 NAME = ".visits.sqlite"  # in the folder of the sessions
 _SCHEMA = 2
@@ -55,7 +56,7 @@ def visits(
     Only files that are new or changed are opened. Without a place to write, or where it is not to
     be kept and is not there yet, no index is made.
     """
-    paths = sorted(folder.glob("*.h5")) if folder.is_dir() else []
+    paths = sessions_in(folder)
     # An index that is damaged, or of another kind, is made anew: it is only a cache
     ways = (_open, _anew) if keep or (folder / NAME).exists() else ()
     for opened in ways:

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skinlab.mechanics.names import is_logarithmic
-from skinlab.recording.load_inputs import SESSIONS
+from skinlab.recording.session_names import is_session_name
 from skinlab.studies.components import Components, components
 from skinlab.studies.design import WITHIN, Effect, effect
 from skinlab.studies.facts import LABELS
@@ -121,7 +121,7 @@ def undated(table: Columns) -> NDArray[np.bool_]:
     """
     pairs = zip(table.text["file"].tolist(), table.text["visit"].tolist(), strict=True)
     return np.array(
-        [file == visit and PurePath(file).suffix.lower() in SESSIONS for file, visit in pairs],
+        [file == visit and is_session_name(PurePath(file)) for file, visit in pairs],
         dtype=bool,
     )
 

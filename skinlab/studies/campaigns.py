@@ -33,7 +33,7 @@ from skinlab.mechanics.effects import get_effect
 from skinlab.mechanics.fem.suction import SOLVER_VERSION
 from skinlab.mechanics.model_file import BASE, Model
 from skinlab.mechanics.names import effect_words
-from skinlab.recording.load_inputs import SESSIONS
+from skinlab.recording.session_names import is_session_name
 from skinlab.report.page import Illustration, Section, Table
 from skinlab.report.pictures import style, to_data_uri
 from skinlab.studies.compute import SESSION_NOISE, curves_and_noise
@@ -103,7 +103,7 @@ def tasks_of(state: State, settings: str) -> Iterator[Task]:
         if source.name in copies:
             continue
         known = source.labels
-        if source.path.suffix.lower() in SESSIONS:
+        if is_session_name(source.path):
             key = source.name
         elif "campaign" in source.facts:
             key = str(source.facts["campaign"])
@@ -117,7 +117,7 @@ def tasks_of(state: State, settings: str) -> Iterator[Task]:
     for key in sorted(groups):
         files = sorted(groups[key])
         by: list[Any] = [files, settings, SOLVER_VERSION]
-        if any(Path(path).suffix.lower() in SESSIONS for path, _, _ in files):
+        if any(is_session_name(Path(path)) for path, _, _ in files):
             by.append(SESSION_NOISE)
         said = json.dumps(by, sort_keys=True)
         wanted = hashlib.sha256(said.encode()).hexdigest()

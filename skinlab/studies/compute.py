@@ -21,9 +21,10 @@ from skinlab.inference.identify import Identifier
 from skinlab.inference.result import Identification
 from skinlab.io.log import log_exception
 from skinlab.recording.labels import labels_of
-from skinlab.recording.load_inputs import NONE_LEFT, SESSIONS
+from skinlab.recording.load_inputs import NONE_LEFT
 from skinlab.recording.session import Session, read_session, stated_noise
 from skinlab.recording.session_fit import excluded_of
+from skinlab.recording.session_names import is_session_name
 from skinlab.recording.stream import setup_to_json
 from skinlab.studies.copies import readings_hash
 from skinlab.studies.facts import PARTIAL, Facts, setup_of
@@ -88,7 +89,7 @@ def _computed(identifier: Identifier, task: Task) -> Computed:
 
 def _rows(identifier: Identifier, task: Task) -> list[Row]:
     path, facts = task.path, task.facts
-    if path.suffix.lower() in SESSIONS:
+    if is_session_name(path):
         session = read_session(path)
         known = labels_of(session)
         knowing = with_stated_noise(identifier, *noise_of(facts, session))
@@ -115,7 +116,7 @@ def curves_and_noise(
     Raises:
         InputError: it cannot be read, or too little is known of it.
     """
-    if path.suffix.lower() in SESSIONS:
+    if is_session_name(path):
         session = read_session(path)
         return _used(path, session), noise_of(facts, session)
     return [_curve_of(path, facts)], noise_of(facts)

@@ -14,8 +14,8 @@ from typing import Any
 
 from skinlab.errors import InputError
 from skinlab.inference.identify import Identifier
-from skinlab.recording.load_inputs import SESSIONS
 from skinlab.recording.recorder import identification_settings
+from skinlab.recording.session_names import is_session_name
 from skinlab.studies.compute import SESSION_NOISE, Computed, Task, compute
 from skinlab.studies.facts import NOISE, PARTIAL, SETUP, pseudonym
 from skinlab.studies.sources import (
@@ -109,7 +109,7 @@ def _scan(state: State, plan: Plan, settings: str) -> None:
 
 def _wanted(source: Source, settings: str) -> str:
     """Return a hash of all that the rows of this file depend on: labels are not among it."""
-    session = source.path.suffix.lower() in SESSIONS
+    session = is_session_name(source.path)
     names = NOISE if session else (*SETUP, *NOISE, PARTIAL)
     used: dict[str, Any] = {k: v for k, v in source.facts.items() if k in names}
     if session:

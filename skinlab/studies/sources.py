@@ -30,7 +30,7 @@ from skinlab.exchange.importing.headings import read_heading
 from skinlab.io.documents import read_toml
 from skinlab.io.files import cannot_read, file_hash, named_in_errors, real_path
 from skinlab.mechanics.names import parameter_of
-from skinlab.recording.load_inputs import SESSIONS
+from skinlab.recording.session_names import SESSIONS
 from skinlab.studies.facts import LABELS, LEFT_OUT, NOISE, PARTIAL, SETUP, Facts, checked
 from skinlab.studies.path_layout import PathLayout, pairs_of
 

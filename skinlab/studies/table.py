@@ -25,8 +25,8 @@ from skinlab.inference.identify import Identifier
 from skinlab.io.documents import text_of
 from skinlab.io.files import whole_file, whole_text
 from skinlab.mechanics.materials import get_law
-from skinlab.recording.load_inputs import SESSIONS
 from skinlab.recording.recorder import identification_settings
+from skinlab.recording.session_names import is_session_name
 from skinlab.studies.copies import Held, copies_of
 from skinlab.studies.facts import LABELS, SETUP, pseudonym
 from skinlab.studies.state import State, Stored
@@ -174,7 +174,7 @@ def _row(
     row["file"], row["curve"], row["sha256"] = stored.source, said["curve"], stored.sha256
     for name in LABELS:
         row[name] = known.get(name)
-    if not row["visit"] and Path(stored.source).suffix.lower() in SESSIONS:
+    if not row["visit"] and is_session_name(Path(stored.source)):
         row["visit"] = stored.source  # see `analysis.undated`
     if row["subject"]:
         row["subject"] = pseudonym(str(row["subject"]))

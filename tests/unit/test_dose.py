@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import os
+import shutil
 from datetime import datetime
 from pathlib import Path
 
@@ -10,17 +12,22 @@ import pytest
 
 from drivers.dose import Dose
 from drivers.line_dialect import line_dialect
+from drivers.probe import Probe
 from drivers.stream import follow_mark
+from skinlab.acquisition.measure import measure as run_plan
+from skinlab.acquisition.measurement_messages import Plan
 from skinlab.acquisition.messages import Heard
 from skinlab.acquisition.messages import Recording as RecordingNews
 from skinlab.acquisition.pipeline import Pipeline
+from skinlab.acquisition.sources import LiveSource
 from skinlab.cli.main import run as skinlab
 from skinlab.curves.curve import Setup
+from skinlab.curves.program import parse_program
 from skinlab.inference.identify import Identifier
 from skinlab.recording.audit import entries
-from skinlab.recording.dose import dose_before, dose_of, loaded_before
+from skinlab.recording.dose import VISIT_S, dose_before, dose_of, loaded_before
 from skinlab.recording.recorded_items import dialect_facts, recorded_items
-from skinlab.recording.recorder import Recording
+from skinlab.recording.recorder import Recording, recover
 from skinlab.recording.records import Kind, Record
 from skinlab.recording.session import read_session, session_from_records
 from skinlab.recording.stream import setup_to_json
@@ -169,6 +176,68 @@ def test_what_belongs_to_one_visit(visit, subject, site, later_h, simulated, cou
     found, names = dose_before(visit, subject, site, now_s, simulated=simulated)
     assert (found.suction_mbar_s > 100) == (names == ["a.h5"]) == counts
     assert loaded_before(visit, subject, site, now_s, simulated=simulated) == names
+
+
+@pytest.mark.parametrize("name", ["a.hdf5", "a.H5"])
+def test_a_session_counts_whatever_sessions_names_end_with(visit, tmp_path, name):
+    """Only names that end with .h5 were looked at; `measure --out a.hdf5` was taken."""
+    shutil.copy(visit / "a.h5", tmp_path / name)
+    begun = datetime.fromisoformat(read_session(tmp_path / name).meta["created_utc"])
+    of = (tmp_path, "P-7", "forearm", begun.timestamp() + 60)
+    found, names = dose_before(*of, simulated=True)
+    assert found.suction_mbar_s > 100
+    assert names == loaded_before(*of, simulated=True) == [name]
+
+
+def test_a_copy_counts_once(visit, tmp_path):
+    for name in ("a.h5", "a copy.h5"):
+        shutil.copy(visit / "a.h5", tmp_path / name)
+    begun = datetime.fromisoformat(read_session(visit / "a.h5").meta["created_utc"])
+    found, names = dose_before(tmp_path, "P-7", "forearm", begun.timestamp() + 60, simulated=True)
+    assert found == dose_of(read_session(visit / "a.h5"))
+    assert len(names) == 1
+
+
+def test_what_a_crash_left_counts(tmp_path):
+    """After a crash the next session of the site began at 0."""
+    begun_s = 1.7e9
+    live, left = tmp_path / "live", tmp_path / "left"
+    live.mkdir()
+    left.mkdir()
+    recording = Recording(
+        live / "a.h5",
+        Identifier(shipped_grid()),
+        subject="P-7",
+        site="forearm",
+        now=lambda: begun_s,
+    )
+    with Probe("sim://?seed=1&speed=50", on_bytes=recording.journal.raw) as probe:
+        probe.open()
+        source = LiveSource(probe, recording.journal)
+        plan = Plan(Setup(6.0, 1.0, parse_program("ramp:50@20,ramp:0@20")))
+        run_plan(source, plan, Pipeline(None, [recording]))
+    recording.journal.flush()
+    for part in ("a.h5.journal", "a.h5.journal-wal"):
+        shutil.copy(live / part, left / part)
+        os.utime(left / part, (begun_s, begun_s))
+    whose = ("P-7", "forearm")
+
+    def before(folder, whose=whose, later_s=60.0):
+        found, names = dose_before(folder, *whose, begun_s + later_s, simulated=True)
+        assert loaded_before(folder, *whose, begun_s + later_s, simulated=True) == names
+        return found.suction_mbar_s, names
+
+    had, names = before(left)
+    assert had == pytest.approx(125, rel=0.05)
+    assert names == ["a.h5.journal"]
+    assert before(live) == (0, [])  # still recorded
+    assert before(left, ("P-7", "cheek")) == (0, [])
+    assert before(left, later_s=VISIT_S + 60) == (0, [])
+    recover(left / "a.h5.journal", left / "a.h5", who="nurse")
+    assert before(left) == (pytest.approx(had), ["a.h5"])
+    os.utime(left / "a.h5", (begun_s - 9, begun_s - 9))  # as one that was saved before the crash
+    assert before(left)[0] == pytest.approx(had)
+    recording.finish()
 
 
 def test_the_screen_goes_on_from_what_the_site_had_before_the_program_was_started():

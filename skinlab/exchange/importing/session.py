@@ -14,10 +14,10 @@ from skinlab.exchange.importing.reader import Imported
 from skinlab.inference.identify import Identifier
 from skinlab.inference.result import Identification
 from skinlab.recording.audit import Chain, note, operator
-from skinlab.recording.load_inputs import check_session_name
 from skinlab.recording.pseudonym import check_site, check_subject
 from skinlab.recording.recorder import identification_settings
 from skinlab.recording.session import Session, write_session
+from skinlab.recording.session_names import check_session_name
 from skinlab.versions import __version__, versions
 
 
