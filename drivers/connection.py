@@ -33,6 +33,7 @@ from drivers.events import (
 from drivers.incoming import Incoming
 from drivers.limits import DEFAULT_LIMITS, NO_ABILITIES, Limits, check_load
 
+_UNSAID = "not said: samples came"
 _NUMBERS = 1 << 16  # command numbers wrap here
 
 
@@ -163,6 +164,10 @@ class Connection(Incoming):
                 self._ready.append(event)
 
     def _judge_sample(self, sample: Sample, frame: bytes) -> None:
+        if self._state is InstrumentState.ARMED:  # samples are of runs: that frame was lost
+            running = State(InstrumentState.RUNNING, _UNSAID)
+            self._ready.append(running)
+            self._judge_state(running.state)
         due = self._next_sequence
         if due is not None and sample.sequence < due:
             reason = f"sample {sample.sequence} again where {due} was due"

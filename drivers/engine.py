@@ -312,6 +312,11 @@ class Engine:
 
     def _check_move(self, command: Command) -> None:
         self._check_latched()
+        if isinstance(command, Arm | Start) and self._watchdog.ordered:
+            # What was asked for before the vent may come behind it, and be legal until the answer
+            raise LocalProtocolError(
+                f"{type(command).__name__} is not allowed: a vent was ordered and is not over"
+            )
         refusal = self._watchdog.refusal(command)
         if refusal is not None:
             raise LocalProtocolError(refusal)

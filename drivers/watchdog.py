@@ -192,7 +192,8 @@ class Watchdog:
 
     def link_lost(self) -> list[SafetyEvent]:
         """Judge the loss of the link: where vacuum may be on, nobody can see it go."""
-        if self._vent_since is None and self._state is not InstrumentState.RUNNING:
+        running = self._state is InstrumentState.RUNNING or Start in self._asked
+        if self._vent_since is None and not running:
             return []
         self._unseen = True
         return self._raise_alarm("the link is lost and the vacuum cannot be checked")

@@ -49,6 +49,7 @@ from skinlab.acquisition.runner import Runner
 from skinlab.acquisition.sources import LiveSource
 from skinlab.errors import AcquisitionError, SkinlabError
 from skinlab.recording.byte_tap import ByteTap
+from skinlab.recording.dose import VISIT_S
 from skinlab.recording.stream import Happened, Item
 
 if TYPE_CHECKING:
@@ -109,7 +110,8 @@ class ProbeSession:
         self._tap = ByteTap()
         self._visit: Visit | None = None
         self._dose = Dose()  # what the site of the visit had from probes that are gone
-        self._doses: dict[_Whose, Dose] = {}  # of all sites: a new session does not rest the skin
+        # Of all sites, and when: a new session does not rest the skin
+        self._doses: dict[_Whose, tuple[Dose, datetime]] = {}
         self._whose: _Whose | None = None  # skin the open visit is of
         self._free = threading.Event()
         self._free.set()
@@ -228,7 +230,8 @@ class ProbeSession:
         unless that was left for another one, or its link was lost for good.
 
         Raises:
-            DriverError: no probe answered at this port; a session that was left open waits on.
+            DriverError: the port or its dialect is none, or no probe answered there; a session that
+                was left open waits on.
             Exception: a bug; the probe was vented and the session finished.
         """
         if not self._free.is_set():
@@ -236,11 +239,15 @@ class ProbeSession:
         self._free.clear()
         self._port = port
         closes = self._closes
-        if anew:
-            self._end_visit()
-        self._keep = True
-        self._tap = ByteTap()
-        probe = self._probe = self._make_probe(port, on_bytes=self._tap)
+        try:
+            if anew:
+                self._end_visit()
+            self._keep = True
+            self._tap = ByteTap()
+            probe = self._probe = self._make_probe(port, on_bytes=self._tap)
+        except BaseException:  # the port names no dialect that there is
+            self._free.set()
+            raise
         probe.carry_dose(self._dose)
         source = LiveSource(probe)
         runner = Runner(source, self._deliver, self._report, self._policy)
@@ -262,8 +269,7 @@ class ProbeSession:
             _wait_closed(probe)
             self._probe = None
             self._dose = probe.dose
-            if self._whose is not None:
-                self._doses[self._whose] = probe.dose
+            self._keep_dose()
             try:
                 self._finish(source)
             finally:
@@ -389,7 +395,7 @@ class ProbeSession:
         self._tap.into(recording.journal)
         runner.source.journal = recording.journal
         # By the sessions on disk, or by what was seen here: whichever says more
-        doses = (recording.carry_dose(simulated=simulated), self._doses.get(self._whose, Dose()))
+        doses = (recording.carry_dose(simulated=simulated), self._had(self._whose))
         before = max(doses, key=lambda dose: dose.suction_mbar_s)
         probe.carry_dose(before)
         self._visit = Visit(
@@ -402,6 +408,17 @@ class ProbeSession:
             dialect=describe_dialect(probe.dialect),
         )
         self._post(Recording(path, before))
+
+    def _keep_dose(self) -> None:
+        """Note what the site of the open visit has had by now."""
+        if self._whose is not None:
+            dose = self._dose if self._probe is None else self._probe.dose
+            self._doses[self._whose] = dose, self._now()
+
+    def _had(self, whose: _Whose) -> Dose:
+        """Return what this skin had in this visit before, as far as it was seen here."""
+        dose, at = self._doses.get(whose, (Dose(), self._now()))
+        return dose if abs((self._now() - at).total_seconds()) <= VISIT_S else Dose()
 
     def _save(self, visit: Visit) -> None:
         """Write the session as it is by now; the journal goes on."""
@@ -447,9 +464,7 @@ class ProbeSession:
         """Finish the session, if there is one; whoever comes second waits until it is done."""
         with self._ending:
             visit, self._visit = self._visit, None
-            probe = self._probe
-            if self._whose is not None:
-                self._doses[self._whose] = self._dose if probe is None else probe.dose
+            self._keep_dose()
             self._dose, self._whose = Dose(), None
             if visit is None:
                 return

@@ -16,10 +16,12 @@ from skinlab.io.hdf5 import open_hdf5
 from skinlab.recording.audit import entries
 from skinlab.recording.clocks import clock_readings
 from skinlab.recording.journal import all_left_behind, read_journal
+from skinlab.recording.seal import Seal, read_seal
 from skinlab.recording.session import Session, read_session, session_from_records
 from skinlab.recording.session_names import is_session_name, sessions_in
 
 VISIT_S = 12 * 3600.0  # what was measured earlier belongs to another visit
+_SAYS_WHO = 1000  # records of a journal by which the instrument has said who it is
 _UNREADABLE = (InputError, OSError, KeyError, TypeError, ValueError)
 
 
@@ -83,7 +85,7 @@ def loaded_before(
 ) -> list[str]:
     """Return what `dose_before` would count the dose of, by name; of two of one visit the first.
 
-    Of a session only the facts are read, and no seal is checked: quick enough for a key.
+    Only the facts are read: quick enough for a key.
     """
     names = dict[object, str]()
     if not subject or not site:
@@ -112,7 +114,10 @@ def _read(path: Path) -> Session:
 
 def _facts(path: Path) -> Mapping[str, Any]:
     if not is_session_name(path):
-        return _read(path).meta  # what the instrument is comes after the first records
+        left = read_journal(path)
+        return session_from_records(left.meta, left.records[:_SAYS_WHO]).meta
+    if read_seal(path) is Seal.BROKEN:
+        raise InputError(f"{path}: was changed since it was written")  # and HDF5 may crash over it
     with open_hdf5(path) as file:
         return read_json_object(file.attrs["meta"])
 
@@ -129,4 +134,5 @@ def _belongs(
     age_s = now_utc_s - begun.replace(tzinfo=begun.tzinfo or UTC).timestamp()
     of = (meta.get("subject"), meta.get("site"))
     kind = bool(meta["instrument"]["simulated"])
-    return of == whose and kind == simulated and 0 <= age_s <= VISIT_S
+    # A clock that was set back in between makes it begin later than now
+    return of == whose and kind == simulated and abs(age_s) <= VISIT_S

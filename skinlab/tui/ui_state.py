@@ -329,6 +329,7 @@ class Board:
     def begin_day(self) -> None:
         """Count loadings from 1: all sites have rested."""
         self._loadings.clear()
+        self._doses.clear()
         self.say(Level.INFO, "another day: another session, and loadings count from 1")
 
     @property

@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import pytest
 
-from drivers.errors import LinkError
+from drivers.errors import DriverError, LinkError
 from drivers.events import HostVented, VentConfirmed
 from drivers.link import open_link
 from drivers.probe import Probe
@@ -303,6 +303,16 @@ def test_a_session_goes_on_with_another_head(tmp_path, identifier):
     assert openings == [6.0, 2.0]
     assert "probe changed" in deeds
     assert check(path)[1] == []
+
+
+def test_a_port_whose_dialect_is_none_leaves_room_for_the_next(room, tmp_path):
+    """Every further port was "still connected" until the program was started again."""
+    with pytest.raises(DriverError, match="dialect 'nope' is not known"):
+        room.session.serve("sim://?dialect=nope")
+    room.connect()
+    measure(room, order())
+    room.close()
+    assert room.error is None
 
 
 def test_with_room_again_the_session_goes_on_with_the_next_connection(room, tmp_path, monkeypatch):

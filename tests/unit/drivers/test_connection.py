@@ -98,6 +98,18 @@ def at(state):
     return connection
 
 
+def test_a_run_whose_begin_was_lost_begins_with_its_first_sample():
+    """Its samples were of no run: the curve began with the answer to a second START, or never."""
+    lost = State(S.RUNNING, "started", 0.1)
+    assert lost in CONVERSATION
+    found = events_of(encode(*[event for event in CONVERSATION if event != lost]))
+    told = State(S.RUNNING, "not said: samples came")
+    assert found == [told if event == lost else event for event in CONVERSATION]
+    # An answer that comes later changes nothing
+    late = encode(*[e for e in CONVERSATION[:15] if e != lost], lost, *CONVERSATION[15:])
+    assert [event for event in events_of(late) if event != lost] == found
+
+
 def test_whole_and_byte_by_byte_and_in_any_pieces():
     data = encode(*CONVERSATION)
     assert events_of(data) == list(CONVERSATION)

@@ -6,6 +6,9 @@ from itertools import pairwise
 
 import pytest
 
+from drivers.connection import Connection
+from drivers.dialects.reference import DIALECT
+from drivers.engine import Engine, Request
 from drivers.errors import (
     InstrumentRefusedError,
     LinkError,
@@ -17,6 +20,7 @@ from drivers.events import (
     Arm,
     Gap,
     HostVented,
+    Identify,
     InstrumentState,
     LinkLost,
     LinkRestored,
@@ -30,6 +34,7 @@ from drivers.events import (
     VentConfirmed,
 )
 from drivers.probe import Probe
+from drivers.watchdog import Watchdog
 from sim_device.device import Device
 
 RAMP = (
@@ -150,6 +155,32 @@ def test_operator_vents_and_the_pressure_is_seen_to_fall(make_bench):
     bench.until(is_state(InstrumentState.LOADED))
     assert not bench.of(Alarm)
     bench.probe.arm()  # and it can be repeated
+
+
+def test_nothing_is_started_behind_a_vent_that_was_not_heard(make_bench):
+    """Start was legal until the instrument's answer: it ran until the vent was sent again."""
+    link = make_bench().link
+    engine = Engine(link, Connection(DIALECT), link.clock, lambda event: None, None, Watchdog())
+
+    def ask(command, state):
+        answer = engine.submit(Request(command, [is_state(state)], 2.0))
+        while not answer.done():
+            engine.step()
+        return answer
+
+    ask(Identify(), InstrumentState.IDLE).result()
+    ask(Load(HOLD, 20, 50, 60), InstrumentState.LOADED).result()
+    ask(Arm(), InstrumentState.ARMED).result()
+    link.lose = [b"$VENT"]
+    engine.order_vent("operator")
+    engine.step()
+    assert engine.connection.state is InstrumentState.ARMED
+    with pytest.raises(LocalProtocolError, match="a vent was ordered and is not over"):
+        ask(Start(), InstrumentState.RUNNING).result()
+    assert not any(data.startswith(b"$START") for data in link.written)
+    while engine.connection.state is not InstrumentState.LOADED:
+        engine.step()
+    ask(Arm(), InstrumentState.ARMED).result()
 
 
 def test_a_machine_that_stops_the_thread_behind_a_read_raises_no_alarm(make_bench):

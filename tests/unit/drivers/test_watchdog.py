@@ -402,6 +402,11 @@ def test_link_lost(dog):
     calm = Watchdog(Limits())
     calm.on_event(State(S.LOADED, "", 0.0), 0)
     assert calm.link_lost() == []
+    calm.commanded(Arm(), 0)
+    calm.on_event(State(S.ARMED, "", 0.0), 0)
+    assert calm.link_lost() == []
+    calm.commanded(Start(), 0)  # and nobody knows whether it runs
+    assert any(isinstance(event, Alarm) for event in calm.link_lost())
 
 
 # ---- data that is old, or cannot be -------------------------------------------------------------
