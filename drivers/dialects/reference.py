@@ -14,7 +14,7 @@ from typing import assert_never
 from urllib.parse import unquote_to_bytes
 
 from drivers.capabilities import CONTROLLABLE
-from drivers.errors import LocalProtocolError, RemoteProtocolError
+from drivers.errors import LimitError, LocalProtocolError, RemoteProtocolError
 from drivers.events import (
     Abilities,
     Arm,
@@ -326,9 +326,7 @@ def _untext(field: str) -> str:
 
 def _program(load: Load | Loaded) -> list[str]:
     if not 1 <= len(load.segments) <= MAX_SEGMENTS:
-        raise LocalProtocolError(
-            f"a program of {len(load.segments)} segments; 1 to {MAX_SEGMENTS} fit"
-        )
+        raise LimitError(f"a program of {len(load.segments)} segments; 1 to {MAX_SEGMENTS} fit")
     return [
         _int(load.rate_hz, _MILLI, "sample rate"),
         _int(load.max_pressure_mbar, _MILLI, "maximum pressure"),

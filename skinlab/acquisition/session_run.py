@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import nullcontext, suppress
 from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
@@ -14,11 +15,12 @@ from drivers.dose import Dose, program_dose
 from drivers.limits import DEFAULT_DOSE_MBAR_S
 from drivers.probe import DEFAULT_LIMITS, Probe
 from skinlab.acquisition.measure import measure
+from skinlab.acquisition.measurement import Policy
 from skinlab.acquisition.measurement_messages import Plan
 from skinlab.acquisition.pipeline import Listener, Pipeline
 from skinlab.acquisition.shutdown import HeldInterrupt
 from skinlab.acquisition.sources import LiveSource, check_opening, wire_segments
-from skinlab.curves.curve import Setup
+from skinlab.curves.curve import MOST_LOADINGS, Setup
 from skinlab.curves.program import Program
 from skinlab.errors import AcquisitionError, InputError
 from skinlab.recording.recorder import Recording
@@ -41,6 +43,12 @@ def plan_of(setup: Setup, repeats: int, rest_s: float, rate_hz: float | None) ->
         raise InputError(f"rate_hz {rate_hz:g}: expected a positive number of samples a second")
     if not 0 <= rest_s <= 3600:
         raise InputError(f"rest_s {rest_s:g}: expected 0–3600 s")
+    last = setup.cycle + repeats + Policy().most_outages  # each loading counts, a cut one too
+    if last > MOST_LOADINGS:
+        raise InputError(
+            f"cycle {setup.cycle} with {repeats} repeats: loading {last} may be reached; expected "
+            f"at most {MOST_LOADINGS}"
+        )
     return Plan(setup, repeats=repeats, rest_s=rest_s, rate_hz=rate_hz)
 
 
@@ -119,7 +127,9 @@ def run_session(
         with HeldInterrupt():  # an impatient second one must not interrupt the saving
             path = _finish(recording, failed, say)
             if path is not None:
-                saved(path, recording.dose)
+                # Where nothing can be printed, what failed before is what is said
+                with nullcontext() if failed is None else suppress(OSError):
+                    saved(path, recording.dose)
 
 
 def _check_probe(known: ProbeErrors, hello: Hello, recording: Recording) -> str:

@@ -96,7 +96,11 @@ def command(
             counts = ", ".join(f"{writer.bytes_of[side]} bytes from the {side}" for side in Side)
             echo(f"{out}: {counts}", err=True)
             if name is not None:
-                echo(f"{out}: {_understood(out, speaks)}", err=True)
+                try:
+                    told = _understood(out, speaks)
+                except (OSError, ValueError) as error:  # what was captured is there all the same
+                    told = f"what dialect {speaks.name!r} understands of it is not known ({error})"
+                echo(f"{out}: {told}", err=True)
     return 0
 
 

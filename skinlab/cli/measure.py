@@ -25,7 +25,7 @@ from skinlab.cli.options import (
     probe_option,
     with_prior_option,
 )
-from skinlab.cli.output import echo, echo_text, print_json
+from skinlab.cli.output import echo, echo_text, print_json, reader_may_leave
 from skinlab.cli.paths import PATH
 from skinlab.cli.protocol import protocol_options, read_step
 
@@ -205,7 +205,8 @@ def run(
         if isinstance(message, Identified):
             results.append(message.result)
             if not as_json:
-                echo_text(describe(message.result))
+                with reader_may_leave():  # which is no reason to end a measurement
+                    echo_text(describe(message.result))
         elif isinstance(message, Flagged):
             echo(f"skinlab: curve {message.index}: {message.finding}", err=True)
         elif isinstance(message, Happened) and (words := outage_words(message.event)):
@@ -218,11 +219,12 @@ def run(
             echo(f"SIMULATED probe: {hello.model} {hello.firmware}", err=True)
 
     def saved(path: Path, dose: Dose) -> None:
-        if as_json:
-            print_json(document(identifier.provenance(), results, session=str(path), dose=dose))
-        else:
-            echo(f"{describe_dose(dose)}; limit {limit_mbar_s:g} mbar·s")
-            echo(f"session: {path}")
+        with reader_may_leave():
+            if as_json:
+                print_json(document(identifier.provenance(), results, session=str(path), dose=dose))
+            else:
+                echo(f"{describe_dose(dose)}; limit {limit_mbar_s:g} mbar·s")
+                echo(f"session: {path}")
         if onlooker is not None and (words := clock_warning(read_session(path))):
             echo(f"skinlab: {words}", err=True)
 

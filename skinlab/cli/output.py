@@ -27,6 +27,15 @@ def output_kept() -> Iterator[None]:
         _kept.pop()
 
 
+@contextlib.contextmanager
+def reader_may_leave() -> Iterator[None]:
+    """Go on where whoever read standard output went away (`| head`): what follows goes nowhere."""
+    try:
+        yield
+    except BrokenPipeError:
+        _forget(sys.stdout)
+
+
 def echo(line: str, *, err: bool = False) -> None:
     """Print one line; `err`: to standard error, which never fails and takes no floods.
 

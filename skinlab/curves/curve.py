@@ -36,7 +36,7 @@ def check_thickness(thickness_mm: float) -> float:
     return float(thickness_mm)
 
 
-_MOST_LOADINGS = 10_000  # of one site: a learned function of their number has a point for each
+MOST_LOADINGS = 10_000  # of one site: a learned function of their number has a point for each
 _OF_A_SETUP: tuple[tuple[str, Any, str], ...] = (
     ("aperture_mm", Real, "a number"),
     ("thickness_mm", Real, "a number"),
@@ -76,8 +76,8 @@ class Setup:
                 f"thickness_sd_mm {self.thickness_sd_mm:g}: expected 0 to the thickness itself"
             )
         for name in ("cycle", "repeat"):
-            if not 1 <= getattr(self, name) <= _MOST_LOADINGS:
-                raise InputError(f"{name} {getattr(self, name)}: expected 1 to {_MOST_LOADINGS}")
+            if not 1 <= getattr(self, name) <= MOST_LOADINGS:
+                raise InputError(f"{name} {getattr(self, name)}: expected 1 to {MOST_LOADINGS}")
 
 
 def named_placement(text: str | None) -> str | None:

@@ -72,14 +72,17 @@ def _listed(
     known = {
         str(row[0]): row for row in database.execute(f"SELECT {', '.join(_COLUMNS)} FROM visits")
     }
-    gone = set(known) - {path.name for path in paths}
+    stats = dict[Path, os.stat_result]()
+    for path in paths:
+        with suppress(OSError):  # gone meanwhile, or a link to nowhere
+            stats[path] = path.stat()
+    gone = set(known) - {path.name for path in stats}
     database.executemany("DELETE FROM visits WHERE file = ?", [(name,) for name in gone])
     found = []
-    for number, path in enumerate(paths):
+    for number, (path, stat) in enumerate(stats.items()):
         row = known.get(path.name)
-        stat = path.stat()
         if row is None or (row[1], row[2]) != (stat.st_mtime_ns, stat.st_size):
-            tell(number, len(paths))
+            tell(number, len(stats))
             row = (path.name, stat.st_mtime_ns, stat.st_size, *_read(path))
             marks = ", ".join("?" * len(_COLUMNS))
             database.execute(f"REPLACE INTO visits VALUES ({marks})", row)

@@ -70,6 +70,12 @@ def test_the_index_is_a_cache_that_may_be_deleted(folder):
     assert visits(folder / "nowhere") == []
 
 
+def test_a_link_to_nowhere_is_no_visit(folder):
+    """It was an internal error, for which the bedside program vents."""
+    (folder / "gone.h5").symlink_to(folder / "nowhere.h5")
+    assert "gone.h5" not in [v.file for v in visits(folder)]
+
+
 def test_visits_are_searched_and_followed(folder):
     rows = visits(folder)
     assert [v.file for v in found(rows, "FOREARM sim-1 monday")] == ["monday.h5"]

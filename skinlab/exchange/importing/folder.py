@@ -11,6 +11,7 @@ import os
 from dataclasses import dataclass
 from pathlib import Path
 
+from skinlab.exchange.importing.reader import MOST_BYTES
 from skinlab.io.files import named_in_errors
 
 SUFFIXES = frozenset({".csv", ".txt", ".tsv", ".dat", ".asc", ".crd", ".xlsx"})
@@ -88,7 +89,8 @@ class Folder:
     def _take(self, name: str, signature: _Signature) -> Arrival | None:
         path = self.path / name
         try:
-            data = path.read_bytes()
+            with path.open("rb") as file:
+                data = file.read(MOST_BYTES + 1)  # whoever imports it refuses what is larger
         except OSError:
             return None  # still held by its writer; the next look tries again
         if _signature(path) != signature:

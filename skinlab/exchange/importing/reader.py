@@ -124,6 +124,8 @@ def import_bytes(path: Path, data: bytes, setup: Setup, answers: Answers) -> Imp
 
 
 def _import(path: Path, data: bytes, setup: Setup, answers: Answers) -> Imported:
+    if len(data) > MOST_BYTES:
+        raise InputError(f"larger than {MOST_BYTES >> 20} MB; expected one curve")
     if not data.strip():
         raise InputError("empty; expected a table of time, pressure and deflection")
     answers.begin()

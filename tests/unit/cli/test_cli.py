@@ -13,6 +13,7 @@ import click
 import numpy as np
 import pytest
 
+from drivers.reading import read_whole
 from skinlab import workers
 from skinlab.cli.main import _COMMANDS, cli, run
 from skinlab.cli.method_options import MethodCommand
@@ -22,6 +23,7 @@ from skinlab.inference.methods.base import Method, Option
 from skinlab.mechanics.effects import EFFECTS
 from skinlab.mechanics.effects.base import Effect, Parameter
 from skinlab.quality.gates import all_gates
+from skinlab.recording.session import read_session
 
 ROOT = Path(__file__).parents[3]
 CSV = "time_s,pressure_mbar,deflection_mm\n"
@@ -550,6 +552,50 @@ def test_a_reader_that_goes_away_is_no_failure(curve_csv, tmp_path):
     script = f"set -o pipefail; {command} >/dev/null"
     done = subprocess.run(["bash", "-c", script], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
+
+
+@pytest.mark.parametrize("as_json", [[], ["--json"]])
+def test_a_reader_that_goes_away_does_not_end_a_measurement(tmp_path, as_json):
+    """The second result could not be printed: the probe was vented, the status 0."""
+    out = tmp_path / "s.h5"
+    command = [sys.executable, "-m", "skinlab", "measure", "--port", "sim://?seed=1&speed=20"]
+    command += [*SKIN, "--program", "ramp:40@20", "--repeats", "3", "--rest-s", "0", *as_json]
+    process = subprocess.Popen(
+        [*command, "--out", str(out)], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    )
+    process.stdout.close()
+    assert process.wait(120) == 0, process.stderr.read()
+    process.stderr.close()
+    assert [c.partial for c in read_session(out).curves] == [False, False, False]
+
+
+@pytest.mark.parametrize(
+    ("more", "said"),
+    [
+        (["--program", "mode1:100,1,1,33"], "a program of 132 segments; 1 to 128 fit"),
+        (
+            ["--program", "ramp:40@20", "--first-cycle", "9995", "--repeats", "10"],
+            "cycle 9995 with 10 repeats: loading 10008 may be reached; expected at most 10000",
+        ),
+    ],
+)
+def test_what_could_not_be_measured_to_its_end_is_bad_input(tmp_path, capsys, more, said):
+    out = tmp_path / "s.h5"
+    measure = ["measure", "--port", "sim://?seed=1&speed=50", *SKIN, *more, "--out", out]
+    status, _, err = call(capsys, *measure)
+    assert status == 3
+    assert said in err
+    assert not out.exists()
+
+
+def test_a_capture_that_is_too_large_to_be_read_again_is_there(tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr("drivers.capture.read_whole", lambda path: read_whole(path, 10))
+    out = tmp_path / "c.jsonl"
+    capture = ["capture", "--port", "sim://?seed=1", "--seconds", "0", "--dialect", "reference"]
+    status, _, err = call(capsys, *capture, "--out", out)
+    assert (status, out.exists()) == (0, True)
+    assert "understands of it is not known" in err
+    assert "larger than 10 bytes" in err
 
 
 def test_strict_refuses_what_ends_at_a_bound(capsys, tmp_path):

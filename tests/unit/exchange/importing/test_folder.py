@@ -11,6 +11,7 @@ from skinlab.curves.curve import Setup
 from skinlab.errors import InputError
 from skinlab.exchange.importing.folder import Folder
 from skinlab.exchange.importing.questions import Answers
+from skinlab.exchange.importing.reader import import_bytes
 from skinlab.exchange.importing.session import Who
 from skinlab.exchange.importing.watch import Watch, watch
 from skinlab.inference.identify import Identifier
@@ -43,6 +44,18 @@ def test_a_file_is_taken_once_it_rests(tmp_path):
     (arrival,) = folder.poll(8.2)
     assert (arrival.path, arrival.data, arrival.continues) == (file, b"half and whole", False)
     assert names(folder.poll(20.0)) == []
+
+
+def test_a_file_of_any_size_is_not_read_whole(tmp_path, monkeypatch):
+    for module in ("folder", "reader"):
+        monkeypatch.setattr(f"skinlab.exchange.importing.{module}.MOST_BYTES", 1 << 20)
+    (tmp_path / "a.csv").write_bytes(b"1" * (3 << 20))
+    folder = Folder(tmp_path, settle_s=0.0)
+    folder.poll(0.0)
+    (arrival,) = folder.poll(1.0)
+    assert len(arrival.data) == (1 << 20) + 1
+    with pytest.raises(InputError, match=r"a\.csv: larger than 1 MB"):
+        import_bytes(arrival.path, arrival.data, Setup(6.0, 1.0), Answers())
 
 
 def test_a_file_renamed_into_place_or_out_of_it(tmp_path):
