@@ -308,7 +308,10 @@ class ProbeSession:
                 pass
             self._outbox.flush()
             visit = self._visit
-            if not took and visit is not None and visit.unsaved and not visit.busy:
+            # One that only streams is never silent: between its curves there is time
+            streams = not runner.measurement.controls and runner.phase is not Phase.RUNNING
+            due = visit is not None and visit.unsaved and not visit.busy
+            if visit is not None and due and (streams or not took):
                 self._save(visit)
 
     def _step(self, runner: Runner, timeout_s: float) -> bool:

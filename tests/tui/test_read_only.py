@@ -90,6 +90,30 @@ async def test_no_screen_promises_a_vent(tmp_path):
 # ---- a curve ----------------------------------------------------------------------------------
 
 
+async def test_a_session_is_saved_while_the_readings_go_on(bedside, tmp_path):
+    """It waited for a silence that never came: after a crash there was the journal alone."""
+    wire = Wire()
+    wire.endless = True
+
+    def make_probe(port, **arguments):
+        dialect = line_dialect(TEXT, "plain.toml")
+        return Probe(port, dialect=dialect, open_link=wire.open, **arguments)
+
+    async with bedside("COM99", make_probe=make_probe) as bed:
+        await bed.connected()
+        await bed.fill("program", "ramp:60@20,ramp:0@20")
+        await bed.check()
+        await bed.press("f9")
+        await bed.until(lambda: bed.board.phase == "WAITING")
+        up = ramp(60.0)
+        wire.put(up + up[-2::-1])
+        await bed.until(lambda: bed.board.entry and bed.board.entry.result)
+        await bed.until(lambda: list(tmp_path.glob("*.h5")))
+        (path,) = tmp_path.glob("*.h5")
+        assert len(read_session(path).curves) == 1
+        await bed.quit()
+
+
 @pytest.mark.long
 async def test_a_curve_that_somebody_starts(bedside, session_files):
     wire = Wire()

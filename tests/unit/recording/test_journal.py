@@ -160,6 +160,23 @@ def refused(journal):
             attempt()
 
 
+def test_of_a_stream_before_any_measurement_the_first_and_the_last_is_kept(tmp_path):
+    """A screen left on overnight kept all of it in memory, and wrote it into every save."""
+    tap = ByteTap(now=lambda: 900.0)
+    lines = [b"%07d" % k + b"." * 1000 for k in range(4000)]
+    for k, line in enumerate(lines):
+        tap("rx", float(k), line)
+    journal = Journal(tmp_path / "j", {})
+    tap.into(journal)
+    tap("rx", 4000.0, b"now")
+    journal.close()
+    kept = [record.data for record in read_journal(tmp_path / "j").records]
+    assert kept[:65] == lines[:65]
+    assert kept[-2:] == [lines[-1], b"now"]
+    assert kept == sorted(kept)
+    assert 1.0e6 < sum(map(len, kept)) < 1.2e6
+
+
 @pytest.fixture
 def begun(tmp_path):
     journal = Journal(tmp_path / "j", {})
