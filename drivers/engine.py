@@ -49,6 +49,7 @@ _READ_BYTES = 1 << 16  # more than comes in a second: behind a read nothing old 
 _READ_S = 0.01  # also how long an order to vent may wait
 _RESEND_S = 0.5  # a lost command is sent again; its number keeps it from being done twice
 _VENT_RESEND_S = 0.1  # until the instrument answers; later once a second while not confirmed
+_DONE_S = 0.5  # from a vent that was seen to the instrument's word that it is done
 _NOBODY = ": is the instrument on, and are port, speed and dialect right?"
 _MAX_FAILURES = 3  # of the loop itself, before it gives up
 
@@ -138,6 +139,7 @@ class Engine:
         self._pending: list[Request] = []
         self._keep_alive_at = 0.0
         self._vent_at = 0.0
+        self._ask_at = 0.0
         self._vent_answered = True
         self._heard_at = 0.0
         self._tap_error: str | None = None
@@ -251,6 +253,7 @@ class Engine:
             interval_s = self._connection.keep_alive_s
             due = self._keep_alive_at + interval_s  # no drift by late turns
             self._keep_alive_at = due if due > now else now + interval_s
+        self._ask_whether_done(now)
         for request in self._pending:
             if request._frame and now >= request._resend_at:
                 self._write(request._frame)
@@ -263,6 +266,16 @@ class Engine:
                 self._begin(queued.pop(0), now)
         finally:
             self._pending += queued  # one that failed leaves the others waiting, and not forgotten
+
+    def _ask_whether_done(self, now: float) -> None:
+        """Ask for the state where a vent was seen and nothing said so: the frame may be lost."""
+        connection = self._connection
+        over = connection.state is InstrumentState.VENTING and not self._watchdog.venting
+        if not over or not isinstance(connection, Connection):
+            self._ask_at = now + _DONE_S
+        elif now >= self._ask_at:
+            self._write(connection.send(Identify()))
+            self._ask_at = now + _DONE_S
 
     def _begin(self, request: Request, now: float) -> None:
         request._deadline = now + request.timeout_s

@@ -157,6 +157,30 @@ def test_operator_vents_and_the_pressure_is_seen_to_fall(make_bench):
     bench.probe.arm()  # and it can be repeated
 
 
+def test_a_last_word_that_was_lost_is_asked_for(make_bench):
+    """One damaged frame, and a whole curve ended in "still running", with no repeat behind it."""
+    bench = make_bench()
+    whole, lost = bench.device.transmit, []
+
+    def transmit():
+        data = whole()
+        for frame in data.split(b"\n"):
+            if b",done*" in frame and not lost:
+                lost.append(frame)
+                data = data.replace(frame + b"\n", b"")
+        return data
+
+    bench.device.transmit = transmit
+    run(bench)
+    bench.until(is_a(VentConfirmed))
+    bench.until(is_state(InstrumentState.LOADED, "identify"))
+    assert lost
+    bench.probe.arm()  # and it can be repeated
+    bench.probe.start()
+    bench.until(is_state(InstrumentState.LOADED, "done"))
+    assert not bench.of(HostVented)
+
+
 def test_nothing_is_started_behind_a_vent_that_was_not_heard(make_bench):
     """Start was legal until the instrument's answer: it ran until the vent was sent again."""
     link = make_bench().link
