@@ -244,3 +244,29 @@ def conditions_missing(protocol: Protocol, stated: dict[str, str]) -> list[str]:
             ends = f"{low:g} to {high:g}" if isinstance(limits, tuple) else f"at least {low:g}"
             found.append(f"{words} {text} {unit}, not {ends}")
     return found
+
+
+# ---- what is asked for, beside what it says ------------------------------------------------------
+
+
+def site_not_named(protocol: Protocol, site: str) -> list[str]:
+    """Return a clause where the protocol names sites, and not this one."""
+    sites = protocol.study.sites
+    named = not sites or site in sites
+    return [] if named else [f"the protocol does not name the site {site or 'none given'}"]
+
+
+def step_otherwise(
+    step: ProtocolStep, left: int, repeats: int | None, rest_s: float | None
+) -> list[str]:
+    """Return what is asked for otherwise than a step says, of which `left` repeats are to come.
+
+    None: as it says.
+    """
+    found = []
+    if repeats is not None and repeats != left:
+        found.append(f"repeats: {repeats}, not {left}")
+    several = (left if repeats is None else repeats) > 1
+    if several and rest_s is not None and rest_s < step.rest_s:
+        found.append(f"rest {rest_s:g} s, not {step.rest_s:g} s")
+    return found

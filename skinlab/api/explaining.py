@@ -16,12 +16,12 @@ from skinlab.api.identifiers import find_model
 from skinlab.api.paths import PathLike
 from skinlab.curves.campaign import Campaign
 from skinlab.curves.distinct import check_distinct, named_apart
+from skinlab.curves.placement import placements_of
 from skinlab.discrepancy import cache, workflow
 from skinlab.discrepancy.adopt import adopted
 from skinlab.discrepancy.outcome import Outcome
 from skinlab.discrepancy.records import records_of
 from skinlab.errors import InputError
-from skinlab.inference.samples import placements_of
 from skinlab.io.files import write_file
 from skinlab.mechanics.model_file import Model, model_of_law
 from skinlab.tables.table import Table

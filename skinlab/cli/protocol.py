@@ -55,17 +55,14 @@ class AskedStep:
 
     def otherwise(self, site: str, repeats: int | None, rest_s: float | None) -> list[str]:
         """Return what is otherwise than the protocol says, in clauses; None: as it says."""
-        from skinlab.acquisition.protocol import conditions_missing
+        from skinlab.acquisition.protocol import conditions_missing, site_not_named, step_otherwise
 
-        found = conditions_missing(self.named.protocol, dict(self.stated))
-        sites = self.named.protocol.study.sites
-        if sites and site not in sites:
-            found.append(f"the protocol does not name the site {site or 'none given'}")
-        if repeats is not None and repeats != self.step.repeats:
-            found.append(f"repeats: {repeats}, not {self.step.repeats}")
-        if rest_s is not None and rest_s < self.step.rest_s:
-            found.append(f"rest {rest_s:g} s, not {self.step.rest_s:g} s")
-        return found
+        protocol = self.named.protocol
+        return [
+            *step_otherwise(self.step, self.step.repeats, repeats, rest_s),
+            *site_not_named(protocol, site),
+            *conditions_missing(protocol, dict(self.stated)),
+        ]
 
     def trail(
         self, site: str, repeats: int | None, rest_s: float | None

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from skinlab.curves.campaign import Campaign
 from skinlab.curves.corrected import corrected
 from skinlab.curves.curve import Curve
+from skinlab.curves.placement import placements_of
 from skinlab.curves.pressure_glitches import pressure_glitches
 from skinlab.curves.pressure_path import PressurePath
 from skinlab.curves.settings import SUCTION
@@ -23,7 +24,7 @@ from skinlab.inference.batch import noise_from_repeats_um
 from skinlab.inference.error_models.quantised import step_of, step_um
 from skinlab.inference.noise import pressure_noise_mbar, roughness
 from skinlab.inference.pressure_course import smooth_course
-from skinlab.inference.samples import alike, placements_of
+from skinlab.inference.samples import alike
 from skinlab.mechanics.effects.regulator_lag import RegulatorLag
 from skinlab.mechanics.fem.suction import Geometry
 from skinlab.tables.model_errors import SeenErrors

@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from skinlab.curves.curve import Curve, Setup
+from skinlab.curves.curve import Curve
+from skinlab.curves.placement import placements_of
 from skinlab.curves.pressure_glitches import pressure_glitches
 from skinlab.curves.settings import SAMPLES
 from skinlab.curves.suction import check_height, check_outward, check_suction
@@ -96,33 +97,6 @@ class Samples:
     def only(self, kept: NDArray[np.bool_]) -> Samples:
         """Return some of the samples (u,); curves keep their numbers."""
         return Samples(*(getattr(self, f.name)[kept] for f in fields(self)))
-
-
-def placements_of(curves: Sequence[Curve]) -> list[int]:
-    """Return the number of the placement that each curve belongs to.
-
-    A curve says so, within its campaign; else each begins one, unless it is a later cycle of the
-    one before, through the same opening.
-    """
-    placements: dict[Hashable, int] = {}
-    found: list[int] = []
-    begun: Hashable = None
-    for number, curve in enumerate(curves):
-        label = curve.setup.placement
-        if label is not None:
-            begun = (curve.campaign, label)
-        elif number == 0 or _begins_placement(curve.setup, curves[number - 1].setup):
-            begun = number
-        found.append(placements.setdefault(begun, len(placements)))
-    return found
-
-
-def _begins_placement(here: Setup, before: Setup) -> bool:
-    """Return whether a curve without a label is of another placement than the one before.
-
-    Within one the cycles go up: of preconditioned skin all curves may be of a later cycle.
-    """
-    return here.cycle <= before.cycle or here.aperture_mm != before.aperture_mm
 
 
 def samples_of(groups: Sequence[Group]) -> Samples:

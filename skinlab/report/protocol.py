@@ -19,6 +19,7 @@ from skinlab.acquisition.protocol import (
     conditions_missing,
     decode_protocol,
     demanded,
+    site_not_named,
     stated_words,
 )
 from skinlab.curves.curve import Setup
@@ -207,8 +208,7 @@ def protocol_section(session: Session, curves: Sequence[Measured]) -> list[Secti
     found = progress(protocol, done_of(session, curves))
     site = str(session.meta.get("site") or "")
     points = [f"Condition {clause}." for clause in conditions_missing(protocol, stated)]
-    if protocol.study.sites and site not in protocol.study.sites:
-        points.append(f"The protocol does not name the site {site or 'none given'}.")
+    points += [f"{clause[0].upper()}{clause[1:]}." for clause in site_not_named(protocol, site)]
     points += [f"Step {s.number}: {remark}." for s in found.steps for remark in s.remarks]
     points += [f"{name}: no step asks for it." for name in found.beside]
     points += [f"Before a curve: {e.detail.get('text')}." for e in trail if e.what == DEVIATION]

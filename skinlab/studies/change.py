@@ -24,9 +24,9 @@ from scipy.stats import t as t_distribution
 
 from drivers.reading import read_whole
 from skinlab.curves.curve import Curve
+from skinlab.curves.placement import placements_of
 from skinlab.errors import InputError
 from skinlab.inference.result import Identification
-from skinlab.inference.samples import placements_of
 from skinlab.io.documents import text_of
 from skinlab.mechanics.names import plain
 from skinlab.recording.audit import entries

@@ -56,7 +56,7 @@ def sides(
     Raises:
         SkinlabError: they measured nothing alike, or one of them cannot be fitted.
     """
-    from skinlab.inference.samples import placements_of
+    from skinlab.curves.placement import placements_of
     from skinlab.recording.audit import operator
     from skinlab.recording.session_fit import comparable, excluded_of, fit_curves
     from skinlab.studies.change import Side, condition, side_of

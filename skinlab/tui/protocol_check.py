@@ -17,7 +17,7 @@ def against_protocol(
     named, walk = board.protocol, board.walk
     if named is None or walk is None:
         return (), ()
-    from skinlab.acquisition.protocol import conditions_missing
+    from skinlab.acquisition.protocol import conditions_missing, site_not_named, step_otherwise
     from skinlab.report.protocol import rest_due_s, serves
 
     protocol, otherwise = named.protocol, []
@@ -28,10 +28,7 @@ def against_protocol(
         step = f"step {state.number} of {len(walk.steps)}: {state.step.words}"
         if walk.next is not None and state is not walk.next:
             otherwise.append(f"step {walk.next.number} comes before it")
-        if order.repeats != state.left:
-            otherwise.append(f"repeats: {order.repeats}, not {state.left}")
-        if order.repeats > 1 and order.rest_s < state.step.rest_s:
-            otherwise.append(f"rest {order.rest_s:g} s, not {state.step.rest_s:g} s")
+        otherwise += step_otherwise(state.step, state.left, order.repeats, order.rest_s)
         done = board.done_curves
         due_s = rest_due_s(state, done[-1] if done else None, board.now_s)
         if due_s > 1:
@@ -40,9 +37,7 @@ def against_protocol(
         step = f"step {fitting[-1].number} is done: this is one more"
     if state is None:
         otherwise.append(step)
-    sites = protocol.study.sites
-    if sites and order.site not in sites:
-        otherwise.append(f"the protocol does not name the site {order.site or 'none given'}")
+    otherwise += site_not_named(protocol, order.site)
     otherwise += conditions_missing(protocol, board.stated)
     if protocol.conditions.thickness_measured and assumed_thickness:
         otherwise.append("the thickness is not measured")

@@ -45,6 +45,7 @@ from skinlab.acquisition.messages import (
 )
 from skinlab.acquisition.protocol import OPERATOR
 from skinlab.curves.curve import Curve, Setup
+from skinlab.curves.placement import begins_placement, placements_of
 from skinlab.curves.program import Program, parse_program
 from skinlab.errors import InputError
 from skinlab.recording.curve_selection import Ledger
@@ -293,8 +294,6 @@ class Board:
 
     def put_on_anew(self, now: datetime) -> None:
         """Take the next curve of this site for one of another placement, or take that back."""
-        from skinlab.inference.samples import placements_of  # slow to import
-
         curves = [] if self.elsewhere else [e.curve for e in self.entries.values()]
         if self._put_on.pop(self.who, None) is not None:
             self.answer(Level.INFO, "taken back: the probe was not put on anew")
@@ -316,7 +315,7 @@ class Board:
         if self.elsewhere or not self.entries:
             return None if setup.cycle == 1 else _label(1, now), ""
         before = self.entries[max(self.entries)].setup
-        if setup.cycle <= before.cycle or setup.aperture_mm != before.aperture_mm:
+        if begins_placement(setup, before):
             return None, ""
         return before.placement, f"probe not lifted (else {PLACED_KEY})"
 

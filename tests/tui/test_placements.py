@@ -11,8 +11,8 @@ from shown import entry_of
 from drivers.events import Hello
 from skinlab.acquisition.messages import Connected
 from skinlab.curves.curve import Setup
+from skinlab.curves.placement import placements_of
 from skinlab.curves.program import parse_program
-from skinlab.inference.samples import placements_of
 from skinlab.recording.load_inputs import read_input
 from skinlab.recording.session import read_session
 from skinlab.tui.card_text import verdict_text

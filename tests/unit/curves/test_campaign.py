@@ -5,8 +5,8 @@ import re
 import pytest
 
 from skinlab.curves.campaign import read_campaign
+from skinlab.curves.placement import placements_of
 from skinlab.errors import InputError
-from skinlab.inference.samples import placements_of
 
 CURVE = "time_s,pressure_mbar,deflection_mm\n" + "".join(
     f"{0.1 * i:.1f},{2 * i},{0.01 * i:.2f}\n" for i in range(6)

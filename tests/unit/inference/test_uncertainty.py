@@ -13,13 +13,14 @@ from scipy.stats import binom
 from skinlab.cli.main import run
 from skinlab.curves.csv import write_curve
 from skinlab.curves.curve import Curve, Setup
+from skinlab.curves.placement import placements_of
 from skinlab.curves.program import parse_program
 from skinlab.inference.batch import identify_all, noise_from_repeats_um, with_stated_noise
 from skinlab.inference.identify import Identifier
 from skinlab.inference.noise import slope_mm_per_mbar
 from skinlab.inference.optimise import polish
 from skinlab.inference.problem import Problem
-from skinlab.inference.samples import Fitted, choose, group, placements_of, samples_of
+from skinlab.inference.samples import Fitted, choose, group, samples_of
 from skinlab.inference.uncertainty import Elsewhere, Sensor, about
 from skinlab.mechanics.fem.suction import Geometry
 from skinlab.parameters import Space

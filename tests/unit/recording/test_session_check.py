@@ -16,10 +16,10 @@ from skinlab.acquisition.pipeline import Pipeline
 from skinlab.acquisition.sources import LiveSource
 from skinlab.cli.main import run
 from skinlab.curves.curve import Setup
+from skinlab.curves.placement import placements_of
 from skinlab.curves.program import parse_program
 from skinlab.errors import InputError
 from skinlab.inference.identify import Identifier
-from skinlab.inference.samples import placements_of
 from skinlab.recording.audit import Chain, entries, note
 from skinlab.recording.load_inputs import read_input
 from skinlab.recording.recorder import Recording
