@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skinlab.inference.error_choice import ErrorChoice, Node
+from skinlab.inference.error_models.words import contradiction
 from skinlab.inference.noise import roughness
 from skinlab.inference.settings import JUDGEMENT
 
@@ -75,7 +76,7 @@ def judge_errors(
         seen = all_um < stated_um or residual_um > JUDGEMENT.contradicted * stated_um
         if seen and all(contradicted for _, contradicted in found):
             flags.append("stated_noise_contradicted")
-            both = f"stated {stated_um:.3g} µm, found {all_um:.3g} µm"
+            both = contradiction(stated_um, all_um)
             if misses:  # the noise that is told is then without them
                 both += f" with errors that last, {noise:.3g} µm without"
             why.append(both)

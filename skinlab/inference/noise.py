@@ -148,6 +148,23 @@ def slope_mm_per_mbar(pressure_mbar: Array, deflection_mm: Array) -> Array:
     return np.asarray(smooth.deriv()(s) / np.hypot(pressure_mbar, scale))
 
 
+def sample_sd_mm(
+    time_s: Array,
+    pressure_mbar: Array,
+    deflection_mm: Array,
+    noise_um: float,
+    pressure_mbar_sd: float | None,
+) -> Array:
+    """Return a sample's standard deviation (u,), mm, on a smooth curve: of both channels.
+
+    `pressure_mbar_sd`: of a reading of the pressure; None: what its course shows.
+    """
+    found = pressure_noise_mbar(time_s, pressure_mbar)
+    spread_mbar = found if pressure_mbar_sd is None else pressure_mbar_sd
+    slope = slope_mm_per_mbar(pressure_mbar, deflection_mm)
+    return np.hypot(1e-3 * noise_um, slope * spread_mbar)
+
+
 def held(pressure_mbar: Array) -> bool:
     """Return whether pressures (u,) are at a few places only, as those of a square wave."""
     _, s = _places(pressure_mbar)

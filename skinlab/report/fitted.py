@@ -16,7 +16,7 @@ from skinlab.discrepancy.records import records_of
 from skinlab.errors import InputError, NotTrustworthyError
 from skinlab.inference.identify import Identifier, search_space
 from skinlab.inference.methods import get_method
-from skinlab.inference.noise import pressure_noise_mbar, slope_mm_per_mbar
+from skinlab.inference.noise import sample_sd_mm
 from skinlab.inference.samples import Fitted, choose, group
 from skinlab.inference.stored_results import StoredResult
 from skinlab.mechanics.effects import get_effect
@@ -178,10 +178,9 @@ def _noise_mm(
 ) -> Array | None:
     if result.noise_um is None:
         return None
-    stated = identifier.sensor.pressure_noise_mbar
     time, pressure = chosen.curve.time_s[chosen.mask], chosen.curve.pressure_mbar[chosen.mask]
-    spread = pressure_noise_mbar(time, pressure) if stated is None else stated
-    return np.hypot(1e-3 * result.noise_um, slope_mm_per_mbar(pressure, model_mm) * spread)
+    stated = identifier.sensor.pressure_noise_mbar
+    return sample_sd_mm(time, pressure, model_mm, result.noise_um, stated)
 
 
 def _remark(residual_mm: Array, result: StoredResult, rounding: float) -> str:

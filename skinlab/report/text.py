@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from skinlab.inference.error_models.words import in_short
+from skinlab.inference.error_models.words import contradiction_in, in_short
 from skinlab.inference.flags import CATALOGUE
 from skinlab.mechanics.materials.base import NU_CONSISTENT
 from skinlab.mechanics.names import is_poisson, plain
@@ -18,9 +17,6 @@ if TYPE_CHECKING:
     from skinlab.inference.result import Advice, Identification
     from skinlab.inference.stored_results import StoredErrors
 
-_CONTRADICTED = re.compile(
-    r"stated ([0-9.e+-]+) µm, found ([0-9.e+-]+) µm[^;]*"
-)  # in why errors are so
 _MOST_ADVICE = 5  # measurements of which is told, best first
 _CLEARLY = 1.3  # times the noise: below, a ratio says nothing
 _SENTENCES = (
@@ -153,8 +149,8 @@ def explain(result: Identification, noise_um: float | None = None) -> list[str]:
         if kind in _SENTENCES:
             meaning = CATALOGUE[kind].meaning.replace("{}", what)
             if kind == "stated_noise_contradicted" and result.error_model is not None:
-                both = _CONTRADICTED.search(result.error_model.why)
-                meaning += f" ({both[0]})" if both else ""
+                both = contradiction_in(result.error_model.why)
+                meaning += f" ({both.clause})" if both else ""
             found.append(meaning)
     bounds = [f.split(":")[1] for f in result.flags if f.startswith("at_bound:")]
     for whose, at in (
@@ -177,10 +173,10 @@ def times_the_noise(
     Where `rms_um` is None the noise that was found stands for the residual.
     """
     which = "the noise"
-    both = None if model is None else _CONTRADICTED.search(model.why)
-    if both and float(both[2]) > float(both[1]):
-        noise_um, which = float(both[1]), "the stated noise"
-        rms_um = float(both[2]) if rms_um is None else rms_um
+    both = None if model is None else contradiction_in(model.why)
+    if both and both.found_um > both.stated_um:
+        noise_um, which = both.stated_um, "the stated noise"
+        rms_um = both.found_um if rms_um is None else rms_um
     if not noise_um or not rms_um or rms_um < _CLEARLY * noise_um:
         return "", which
     return f"{rms_um / noise_um:.1f}", which

@@ -255,16 +255,17 @@ def noise_band(entry: Entry) -> tuple[Array, Array]:
     result = entry.result
     if result is None or result.model_mm is None or not result.noise_um:
         return np.zeros(0), np.zeros(0)
-    from skinlab.inference.noise import pressure_noise_mbar, slope_mm_per_mbar  # slow to import
+    from skinlab.inference.noise import sample_sd_mm  # slow to import
 
     model_mm = np.asarray(result.model_mm)
     there = np.isfinite(model_mm)
     mbar = entry.curve.pressure_mbar[there]
-    spread_mbar = pressure_noise_mbar(entry.curve.time_s[there], mbar)
-    slope = slope_mm_per_mbar(mbar, model_mm[there])
-    sd_um = np.hypot(result.noise_um, 1e3 * slope * spread_mbar)
+    known = result.uncertainty
+    known_mbar = None if known is None else known.pressure_noise_mbar  # stated or found
+    time_s = entry.curve.time_s[there]
+    sd_mm = sample_sd_mm(time_s, mbar, model_mm[there], result.noise_um, known_mbar)
     order = np.argsort(mbar)
-    return mbar[order], sd_um[order]
+    return mbar[order], 1e3 * sd_mm[order]
 
 
 def _line(

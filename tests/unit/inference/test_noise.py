@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from skinlab.inference.covariance import independent
+from skinlab.inference.error_models.words import contradiction, contradiction_in
 from skinlab.inference.noise import (
     MESH_ERROR,
     contradicted_pressure_noise,
@@ -13,6 +14,7 @@ from skinlab.inference.noise import (
     pressure_error_mm,
     pressure_noise_mbar,
     roughness,
+    sample_sd_mm,
     slope_mm_per_mbar,
 )
 from skinlab.mechanics.fem.suction import Geometry
@@ -168,3 +170,29 @@ def test_a_pressure_that_is_a_program_contradicts_nothing():
     t = np.arange(101) / 20.0
     assert contradicted_pressure_noise(t, 20.0 * t, 3.0) is None
     assert contradicted_pressure_noise(t[:15], 20.0 * t[:15], 0.0) is None
+
+
+def test_a_sample_has_the_noise_of_both_channels():
+    """The screen took the noise that the readings showed where another was stated."""
+    rng = np.random.default_rng(1)
+    time_s = np.arange(200) / 20
+    smooth = 10.0 * time_s
+    mbar = smooth + rng.normal(0.0, 0.5, 200)
+    mm = 0.004 * smooth
+    found = sample_sd_mm(time_s, mbar, mm, 3.0, None)
+    stated = sample_sd_mm(time_s, mbar, mm, 3.0, 2.0)
+    still = sample_sd_mm(time_s, mbar, mm, 3.0, 0.0)
+    inside = slice(10, -10)
+    assert still[inside] == pytest.approx(3e-3)
+    assert found[inside] == pytest.approx(np.hypot(3e-3, 0.004 * 0.5), rel=0.15)
+    assert stated[inside] == pytest.approx(np.hypot(3e-3, 0.004 * 2.0), rel=0.1)
+
+
+@pytest.mark.parametrize(("stated_um", "found_um"), [(3.0, 12.34), (250.0, 1.5e3), (0.05, 1e-3)])
+def test_a_contradiction_is_read_as_it_is_told(stated_um, found_um):
+    clause = contradiction(stated_um, found_um) + " with errors that last"
+    told = contradiction_in(f"lasts 2 s; {clause}; steps")
+    assert told is not None
+    assert told[:2] == pytest.approx((stated_um, found_um), rel=0.005)
+    assert told.clause == clause
+    assert contradiction_in("residuals are as white noise's") is None
