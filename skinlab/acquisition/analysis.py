@@ -162,8 +162,7 @@ class Analysis:
         Raises:
             SkinlabError: it cannot be computed.
         """
-        identifier = self.identifier
-        self._post(Fitted(identifier(curves[0]) if len(curves) == 1 else identifier.joint(curves)))
+        self._post(Fitted(self.identifier.together(curves)))
 
     def explain(self, curves: Sequence[Curve]) -> None:
         """Look for what the model misses in these curves; post each stage, and the answer.

@@ -135,6 +135,10 @@ class Identifier:
         )
         return self.knowing([curve])._identify([curve], blank)
 
+    def together(self, curves: Sequence[Curve]) -> Identification:
+        """Return one answer for one curve or several of one skin; raises as `joint`."""
+        return self(curves[0]) if len(curves) == 1 else self.joint(curves)
+
     def joint(self, curves: Sequence[Curve]) -> Identification:
         """Return one answer for several curves of one skin, each with its own noise.
 
@@ -254,8 +258,8 @@ class Identifier:
             models = [g.model(self.database, self.kappa) for g in groups]
         except (InputError, NotTrustworthyError) as error:
             outside = isinstance(error, NotTrustworthyError)
-            flags = ("outside_database",) if outside else ()
-            return replace(blank, error=str(error), flags=flags)
+            why = ("outside_database",) if outside else ()
+            return replace(blank, error=str(error), flags=why)
         problem = self._problem(groups, models)
         rng = np.random.default_rng(self.seed)
         if start is not None:

@@ -45,8 +45,7 @@ def fit_curves(identifier: Identifier, name: str, curves: Sequence[Curve]) -> Id
     """
     if not curves:
         raise InputError(f"{name}: no whole curve is in it; expected at least one")
-    result = identifier(curves[0]) if len(curves) == 1 else identifier.joint(curves)
-    return replace(result, file=name)
+    return replace(identifier.together(curves), file=name)
 
 
 def left_out_of(session: Session) -> dict[str, str]:

@@ -16,7 +16,7 @@ from skinlab.report.rounding import half_width_percent
 if TYPE_CHECKING:
     from skinlab.curves.curve import Curve
     from skinlab.inference.identify import Identifier
-    from skinlab.inference.result import Advice, Identification
+    from skinlab.inference.result import Advice
     from skinlab.mechanics.materials import Law
     from skinlab.studies.change import Changed, Changes
 
@@ -193,7 +193,7 @@ def distance(goal: Goal, curves: Sequence[Curve], identifier: Identifier) -> Dis
     Raises:
         InputError: they cannot be fitted together.
     """
-    answer: Identification = identifier(curves[0]) if len(curves) == 1 else identifier.joint(curves)
+    answer = identifier.together(curves)
     value = (answer.parameters or {}).get(goal.parameter)
     percent = None if value is None else half_width_percent(value)
     found = Distance(goal, percent, None)
