@@ -9,8 +9,10 @@ from __future__ import annotations
 
 from typing import Any
 
+from skinlab.curves.apertures import APERTURES_MM
 from skinlab.exchange.codes import unit_of
 from skinlab.inference.identify import Identifier
+from skinlab.inference.settings import INTERVALS
 from skinlab.recording.session import Session, measured_utc
 from skinlab.recording.session_fit import excluded_of
 from skinlab.recording.stream import setup_to_json
@@ -53,7 +55,7 @@ SCHEMA: dict[str, Any] = {
                         "curve": _TEXT,
                         "setup": _object(
                             {
-                                "aperture_mm": {"enum": [2.0, 4.0, 6.0, 8.0]},
+                                "aperture_mm": {"enum": list(APERTURES_MM)},
                                 "thickness_mm": {"type": "number", "minimum": 0.1, "maximum": 10},
                                 "thickness_sd_mm": _OPEN,
                                 "program": _MAYBE,
@@ -84,7 +86,7 @@ SCHEMA: dict[str, Any] = {
                                 },
                             }
                         ),
-                        "interval": {"const": 0.9},
+                        "interval": {"const": INTERVALS.level},
                         "parameters": {
                             "type": "object",
                             "additionalProperties": _object(
@@ -148,7 +150,7 @@ def to_parameters(
                 "seed": provenance.seed,
                 "phases": list(result.get("phases") or ()),
                 "error_model": {"name": stated["name"], "parameters": stated["parameters"]},
-                "interval": 0.9,
+                "interval": INTERVALS.level,
                 "parameters": {
                     name: {**{k: v[k] for k in ("value", "low", "high")}, "unit": unit_of(name)}
                     for name, v in values.items()

@@ -64,7 +64,6 @@ Array = NDArray[np.float64]
 
 _QUICK = Options(
     samples=STARTS.growing_samples,
-    best=STARTS.growing_best,
     most_iterations=STARTS.growing_steps,
 )
 
@@ -279,7 +278,7 @@ class Identifier:
                 self.kappa,
                 groups,
                 models,
-                self._space(models),
+                self.space_of(models[0]),
                 estimate.minima,
                 self.sensor,
                 rng,
@@ -290,7 +289,7 @@ class Identifier:
                 estimate = _likeliest(groups, models, estimate, left, kept)
             answer = self._answer(groups, models, problem, estimate, blank, kept)
             known = _with_uncertainty(
-                answer, self._space(models), left, self.database.law, self.kappa, self.seed
+                answer, self.space_of(models[0]), left, self.database.law, self.kappa, self.seed
             )
             missed = self._missed(known, groups, models, problem, estimate, kept)
             return _with_misfit(known, missed) if missed else known
@@ -318,7 +317,7 @@ class Identifier:
             return replace(answer, flags=(*answer.flags, "misfit_above_noise"))
         if self.sensor.noise_um is not None and np.isfinite(np.concatenate(residuals)).all():
             judged = judge_at(
-                self.database, self.kappa, groups, models, self._space(models),
+                self.database, self.kappa, groups, models, self.space_of(models[0]),
                 estimate.parameters, self.sensor, self.priors,
             )  # fmt: skip
             answer = replace(answer, noise_um=judged.noise_um, error_model=judged.summary)
@@ -392,14 +391,15 @@ class Identifier:
         known = from_draws(answer, space, draws, self.database.law, self.kappa, self.seed)
         return [flag for flag in known.flags if flag in everything]
 
-    def _space(self, models: Sequence[CurveModel]) -> Space:
+    def space_of(self, model: CurveModel) -> Space:
+        """Return where is searched with this model of a curve."""
         if self.space is not None:
             return self.space
-        return search_space(self.method, self.database.law, models[0].space)
+        return search_space(self.method, self.database.law, model.space)
 
     def _problem(self, groups: Sequence[Group], models: Sequence[CurveModel]) -> Problem:
         misfits = [m.misfit(g.deflection_mm) for g, m in zip(groups, models, strict=True)]
-        space = self._space(models)
+        space = self.space_of(models[0])
         points = sum(len(g.deflection_mm) for g in groups)
         if len(misfits) == 1:
             return Problem(space, misfits[0], points)
@@ -513,7 +513,7 @@ class Identifier:
             iterations=estimate.iterations,
             evaluations=estimate.evaluations,
             flags=(
-                *self._flags(members, self._space(models), estimate),
+                *self._flags(members, self.space_of(models[0]), estimate),
                 *(["crease"] if any(m.creases(x[None])[0] for m in models) else []),
                 *([f"outliers:{left_out}"] if left_out else []),
             ),

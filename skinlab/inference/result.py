@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from skinlab.curves.curve import Setup
 from skinlab.curves.heights import Height
+from skinlab.inference.settings import INTERVALS
 from skinlab.mechanics.materials import get_law
 
 if TYPE_CHECKING:  # slow to import, and a screen shows answers before it makes any
@@ -172,7 +173,7 @@ def document(
         "database": {"hash": provenance.database_hash},
         "method": provenance.method,
         "seed": provenance.seed,
-        "interval": 0.9,
+        "interval": INTERVALS.level,
         "curves": [result.to_json() for result in results],
         "joint": None if joint is None else joint.to_json(),
         "advice": None if advice is None else [a.to_json() for a in advice],

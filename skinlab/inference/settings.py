@@ -35,8 +35,8 @@ class StartRules:
     """Samples of a curve: more say next to nothing more, since errors last, and take their time."""
     growing_samples: int = 200
     """Candidates for a curve that still grows, where an answer is due several times a second,"""
-    growing_best: int = 20
-    """the best of these,"""
+    growing_firsts: int = 4
+    """so many of the best of the patches, beside where the last answer was,"""
     growing_steps: int = 30
     """and steps from each."""
 

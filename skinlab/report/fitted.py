@@ -14,7 +14,7 @@ from skinlab.curves.curve import Curve
 from skinlab.discrepancy.misfit import errors_of
 from skinlab.discrepancy.records import records_of
 from skinlab.errors import InputError, NotTrustworthyError
-from skinlab.inference.identify import Identifier, search_space
+from skinlab.inference.identify import Identifier
 from skinlab.inference.methods import get_method
 from skinlab.inference.noise import sample_sd_mm
 from skinlab.inference.samples import Fitted, choose, group
@@ -112,9 +112,7 @@ def _from_database(chosen: Fitted, result: StoredResult, identifier: Identifier)
         raise InputError("its parameters are not those of the database")
     x = np.array([[best[name] for name in names]])
     line_mbar = np.linspace(members.pressure_mbar.min(), members.pressure_mbar.max(), _LINE_POINTS)
-    space = identifier.space
-    if space is None:
-        space = search_space(identifier.method, database.law, model.space)
+    space = identifier.space_of(model)
     lows, highs = (bound.tolist() for bound in space.bounds)
     model_mm = model.deflection_mm(x)[0]
     return _Model(

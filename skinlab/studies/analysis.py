@@ -19,6 +19,7 @@ from skinlab.recording.session_names import is_session_name
 from skinlab.studies.components import Components, components
 from skinlab.studies.design import WITHIN, Effect, effect
 from skinlab.studies.facts import LABELS
+from skinlab.studies.settings import NORMAL_90
 from skinlab.studies.table import Cell, Columns
 from skinlab.text import counted
 
@@ -28,7 +29,6 @@ Row = dict[str, Cell]
 PEOPLE = ("subject", "subject:site")
 NOT_STATED = "program not stated"
 _DAY = re.compile(r"\d{4}-\d\d-\d\d")
-_90 = 1.6448536269514722
 
 
 @dataclass(frozen=True)
@@ -222,6 +222,6 @@ def _identification(table: Columns, quantity: str, scale: str) -> float | None:
     if scale == "log":
         with np.errstate(divide="ignore", invalid="ignore"):
             low, high = np.log(low), np.log(high)
-    variance = np.square((high - low) / (2 * _90))
+    variance = np.square((high - low) / (2 * NORMAL_90))
     variance = variance[np.isfinite(variance)]
     return float(variance.mean()) if variance.size else None

@@ -51,7 +51,7 @@ from skinlab.workers import on_cluster, on_processes
 Array = NDArray[np.float64]
 Row = dict[str, Cell]
 
-_90 = 0.95  # of a t distribution, for a 90 % interval
+_UPPER = 0.95  # share below the upper end of a 90 % interval
 
 
 @dataclass(frozen=True)
@@ -307,7 +307,7 @@ def _of_group(scores: Sequence[dict[str, Any]]) -> Iterator[Row]:
             continue
         shown = sizes if len(sizes) >= POOLS.fewest else alone
         mean, error, freedom, p_value = _test(shown)
-        reach = float(t_distribution.ppf(_90, freedom)) * error
+        reach = float(t_distribution.ppf(_UPPER, freedom)) * error
         # Not taken, and seen alone, or in what a large one leaves: that one is what there is.
         like = bool(taken) and name not in taken
         like = like and min(_test(alone)[3], p_value) <= POOLS.false_discoveries

@@ -22,11 +22,12 @@ from skinlab.inference.identify import Identifier
 from skinlab.inference.population import PriorFile
 from skinlab.io.files import write_file
 from skinlab.report.pictures import NO_PICTURES, have_pictures
+from skinlab.studies import reference as reference_file
 from skinlab.studies.analysis import FACETS, usable, without_a_day
 from skinlab.studies.campaigns import Evidence, Shared, evidence, explain_all, section
 from skinlab.studies.labels import doubtful_labels
 from skinlab.studies.population import Posterior, learn, to_toml
-from skinlab.studies.reference import reference_of, write_reference
+from skinlab.studies.reference import reference_of
 from skinlab.studies.reliability import Reliability, reliability, repeats_for
 from skinlab.studies.report import flags_of, html, main_analyses, people_of
 from skinlab.studies.run import How, settings_of, update
@@ -229,7 +230,7 @@ def _write(
     )
     for name, text in (
         ("study.toml", None if prior is None else to_toml(prior)),
-        ("reference.toml", None if reference is None else write_reference(reference)),
+        ("reference.toml", None if reference is None else reference_file.to_toml(reference)),
     ):
         if text is None:
             (out / name).unlink(missing_ok=True)  # that of an earlier state

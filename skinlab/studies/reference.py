@@ -153,14 +153,14 @@ def read_reference(path: Path) -> Reference:
         return decode(of_schema(read_toml(read_whole(path)), SCHEMA), Reference)
 
 
-def write_reference(reference: Reference) -> str:
+def to_toml(reference: Reference) -> str:
     """Return the file's text."""
     return toml_text(_plain(msgspec.to_builtins(reference)))
 
 
 def _plain(value: Any) -> Any:
     if isinstance(value, Mapping):
-        return {k: _plain(v) for k, v in value.items() if v is not None and v != ""}
+        return {k: _plain(v) for k, v in value.items() if v != ""}
     if isinstance(value, list | tuple):
         return [_plain(v) for v in value]
     return value

@@ -15,6 +15,7 @@ from skinlab.studies import plots
 from skinlab.studies.analysis import FACETS, Analysis, conditions, tells_nothing, usable
 from skinlab.studies.design import WITHIN
 from skinlab.studies.reliability import Reliability
+from skinlab.studies.settings import NORMAL_90
 from skinlab.studies.table import Cell, Columns
 
 if TYPE_CHECKING:
@@ -25,7 +26,6 @@ Row = dict[str, Cell]
 _MOST_FAILURES = 200
 _MOST_PERCENT = 1000.0
 _MOST_PICTURED = 6  # quantities with pictures of their own
-_90 = 1.6448536269514722
 _MARK = "Made by skinlab study. Research software; the limits are not clinically validated."
 
 
@@ -46,7 +46,7 @@ def people_of(table: Columns, one: Analysis) -> list[Row]:
         repeated = found.variance(["operator", "probe", "placement", WITHIN])
     made: list[Row] = []
     for name, mean, count, n in zip(names.tolist(), means, counts, visits, strict=True):
-        reach = _90 * math.sqrt(repeated / int(count) + visit / n)
+        reach = NORMAL_90 * math.sqrt(repeated / int(count) + visit / n)
         ends = (float(mean), float(mean) - reach, float(mean) + reach)
         if one.scale == "log":
             ends = (math.exp(ends[0]), math.exp(ends[1]), math.exp(ends[2]))

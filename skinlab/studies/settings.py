@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
+NORMAL_90 = 1.6448536269514722  # half a 90 % interval of a normal distribution, in its deviations
+
 
 @dataclass(frozen=True)
 class ComponentRules:

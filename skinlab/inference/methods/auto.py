@@ -26,7 +26,7 @@ def identify(
 ) -> Estimate:
     """Return the best of several polished starts, and the other minima with it.
 
-    With a `start` (p,) near the optimum only that and the best of each slice are polished.
+    With a `start` (p,) near the optimum only that and the best of a few patches are polished.
 
     Raises:
         InputError: an option is out of its range (see `stochastic`).
@@ -52,7 +52,7 @@ def identify(
         starts = _distinct(by_cost, STARTS.apart)[: STARTS.kept]
         iterations, evaluations = walked.iterations, evaluations + walked.evaluations
     else:
-        starts = np.vstack([space.to_unit(start), unit[order[firsts[:4]]]])
+        starts = np.vstack([space.to_unit(start), unit[order[firsts[: STARTS.growing_firsts]]]])
     found = polish(space, problem.misfit, starts, most_iterations=options.most_iterations)
     best = np.argsort(found.cost, kind="stable")
     parameters = space.from_unit(found.unit[best[0]])

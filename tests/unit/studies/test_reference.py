@@ -9,7 +9,7 @@ import pytest
 from studies import stiffness_table as table
 
 from skinlab.errors import InputError
-from skinlab.studies.reference import place, read_reference, reference_of, write_reference
+from skinlab.studies.reference import place, read_reference, reference_of, to_toml
 from skinlab.studies.table import Columns
 
 INPUTS = Path(__file__).parents[2] / "data" / "inputs"
@@ -74,7 +74,7 @@ def test_one_is_made_of_a_study_one_person_one_value(tmp_path):
     means = [y[whole.text["subject"] == s].mean() for s in np.unique(whole.text["subject"])]
     assert one.percentiles["50"] == pytest.approx(float(np.exp(np.median(means))), rel=1e-5)
     path = tmp_path / "own.toml"
-    path.write_text(write_reference(made))
+    path.write_text(to_toml(made))
     assert read_reference(path).range[0].percentiles == one.percentiles
     few, missing = reference_of(table(people=10), "own")
     assert few is None
