@@ -10,7 +10,6 @@ import binascii
 import math
 import re
 import tomllib
-import warnings
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields
 from pathlib import Path
@@ -29,12 +28,12 @@ from drivers.events import (
     Vent,
 )
 from drivers.numbers import number_in
+from drivers.patterns import bounded_pattern
 from drivers.reading import read_whole
 
 IGNORED = "a line to be ignored"
 MAX_LINE_BYTES = 250  # the most that a file may ask for: what bounds the time of its pattern
 _USUAL_LINE_BYTES = 120
-_MAX_PATTERN = 500
 _MOST_DOTS = 5_000  # of one line
 _MAX_FILE_BYTES = 100_000
 _ROUNDED = 1e-3  # to which an example may state its numbers: units are further apart
@@ -431,70 +430,8 @@ def _verify(kind: str, match: re.Match[str]) -> None:
         raise RemoteProtocolError(f"checksum {stated!r}, not {found:X}")
 
 
-# ---- patterns -------------------------------------------------------------------------------
-
-_QUANTIFIER = re.compile(r"[*+]|\{\d*,?\d*\}")
-_MOST_ANY = 2  # how often `.` may be repeated
-_MOST_OPTIONAL = 12  # each may double the ways in which a line can be tried
-
-
 def _pattern(text: str, where: str) -> re.Pattern[str]:
-    """Compile a pattern that no line can keep busy for long.
-
-    The time of a match grows with a power of the line's length, which is bounded; what makes it
-    exponential (a repeated group) or the power high is refused.
-    """
-    if len(text) > _MAX_PATTERN:
-        raise _BadFieldError(f"{where} has {len(text)} characters; expected up to {_MAX_PATTERN}")
     try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("error")  # Python's, of what may mean something else one day
-            pattern = re.compile(text, re.ASCII)
-    except (re.error, OverflowError, RecursionError, Warning) as error:
-        raise _BadFieldError(f"{where} is not a regular expression: {error}") from None
-    atoms = _atoms(text)
-    repeats = 0
-    for k, (atom, begin) in enumerate(atoms):
-        repeated = _QUANTIFIER.match(text, begin + len(atom))
-        if repeated is None:
-            continue
-        if atom == ")":
-            raise _BadFieldError(
-                f"{where}: a group is repeated at character {begin + 1}; only single characters "
-                "and sets may be, so that no line can keep the pattern busy for long"
-            )
-        repeats += atom == "."
-        if k and atoms[k - 1][0] == atom and _QUANTIFIER.match(text, atoms[k - 1][1] + len(atom)):
-            raise _BadFieldError(f"{where}: {atom} is repeated twice running")
-    optional = sum(text[begin + len(atom) :][:1] == "?" for atom, begin in atoms if atom != "(")
-    if optional > _MOST_OPTIONAL:
-        raise _BadFieldError(f"{where}: `?` stands {optional} times; expected {_MOST_OPTIONAL}")
-    if repeats > _MOST_ANY:
-        raise _BadFieldError(f"{where}: `.` is repeated {repeats} times; expected {_MOST_ANY}")
-    return pattern
-
-
-def _atoms(text: str) -> list[tuple[str, int]]:
-    """Give what a quantifier can follow: characters, escapes, sets and ends of groups."""
-    found: list[tuple[str, int]] = []
-    at = 0
-    while at < len(text):
-        atom = text[at]
-        if atom == "\\":
-            atom = text[at : at + 2]
-        elif atom == "[":
-            end = at + 1 + (text[at + 1 : at + 2] == "^")
-            end += text[end : end + 1] == "]"  # stands for itself there
-            while end < len(text) and text[end] != "]":
-                end += 2 if text[end] == "\\" else 1
-            atom = text[at : end + 1]
-        quantifier = _QUANTIFIER.match(text, at)
-        if quantifier is not None and found and atom in "*+{":
-            at = quantifier.end()
-            continue
-        if atom == "?" and found:
-            at += 1
-            continue
-        found.append((atom, at))
-        at += len(atom)
-    return found
+        return bounded_pattern(text, where)
+    except ValueError as error:
+        raise _BadFieldError(str(error)) from None
