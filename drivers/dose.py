@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 from drivers.events import Sample, Segment, SegmentKind
 
+MOST_STEP_S = 60.0  # between two samples: no suction may last longer, so that a clock has jumped
 SUCTION_MBAR = 5.0  # from here on it counts: a vent is over below it, and noise stays below it
 
 
@@ -29,7 +30,8 @@ class DoseMeter:
 
     By the host's clock where samples tell it, because nobody held the instrument's to it; else by
     the instrument's. Between two samples the suction is the mean of both; it counts where either
-    is SUCTION_MBAR or more, so that neither a dip nor samples that were lost make it less.
+    is SUCTION_MBAR or more, so that neither a dip nor samples that were lost make it less. A clock
+    that jumps ends the run, and counts MOST_STEP_S: it is no reason to refuse a site for a day.
     """
 
     def __init__(self, before: Dose = Dose()) -> None:
@@ -46,6 +48,7 @@ class DoseMeter:
         step_s = sample.device_time_s - last.device_time_s
         if sample.host_time_s is not None and last.host_time_s is not None:
             step_s = max(0.0, sample.host_time_s - last.host_time_s)
+        step_s = min(step_s, MOST_STEP_S)
         mean_mbar = max(0.0, (last.pressure_mbar + sample.pressure_mbar) / 2)
         self.total += Dose(mean_mbar * step_s, step_s)
 

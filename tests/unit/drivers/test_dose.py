@@ -54,6 +54,12 @@ def test_noise_at_rest_is_no_dose():
     assert measured([(k / 20, 2 * (-1) ** k) for k in range(10_000)]) == Dose()
 
 
+def test_a_clock_that_jumps_is_no_hour_of_suction():
+    """One sample from 1000 s ahead was vented for, and refused the site for half a day."""
+    jumped = measured([(0.0, 100), (0.05, 100), (1000.0, 100)])
+    assert jumped.suction_mbar_s == pytest.approx(100 * 60.05)
+
+
 def test_neither_a_dip_nor_lost_samples_make_it_less():
     whole = measured([(k / 20, 60) for k in range(201)])
     assert whole == Dose(pytest.approx(600), pytest.approx(10))
