@@ -269,8 +269,9 @@ class Engine:
 
     def _ask_whether_done(self, now: float) -> None:
         """Ask for the state where a vent was seen and nothing said so: the frame may be lost."""
-        connection = self._connection
-        over = connection.state is InstrumentState.VENTING and not self._watchdog.venting
+        connection, watchdog = self._connection, self._watchdog
+        venting = connection.state is InstrumentState.VENTING
+        over = venting and isinstance(watchdog, Watchdog) and watchdog.at_rest
         if not over or not isinstance(connection, Connection):
             self._ask_at = now + _DONE_S
         elif now >= self._ask_at:

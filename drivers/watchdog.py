@@ -115,6 +115,11 @@ class Watchdog:
         return self._vent_since is not None
 
     @property
+    def at_rest(self) -> bool:
+        """Whether no vent is on its way, and no suction was seen since the last one."""
+        return not self.venting and self._risen_since is None
+
+    @property
     def ordered(self) -> bool:
         """Whether that vent was ordered by the host, which then has to insist."""
         return self.venting and self._host_vented
