@@ -217,13 +217,17 @@ class Steps(NamedTuple):
 
     @property
     def sudden(self) -> bool:
-        """Whether something has let go.
+        """Whether something has let go."""
+        return self.large >= NAMES.steps
 
-        By what is large alone; or, where steps are far from chance, if large ones are as chance has
-        them: with little noise what a model is off by is many deviations, and never large.
+    @property
+    def small(self) -> bool:
+        """Whether something has that what moves in time alone may have taken for itself, nearly.
+
+        Steps are then far from chance, and large ones are as chance has them: with little noise
+        what a model is off by is many deviations, and never large.
         """
-        small = self.every >= NAMES.small_steps and self.large >= NAMES.no_fewer
-        return small or self.large >= NAMES.steps
+        return self.every >= NAMES.small_steps and self.large >= NAMES.no_fewer
 
 
 def steps(

@@ -51,6 +51,21 @@ class Trial:
     sentence: str
 
 
+def adds_in_time(name: str) -> bool:
+    """Return whether an effect adds to what is read what depends on time alone.
+
+    Small steps, each in one direction, are such a thing on average: a drift.
+    """
+    effect = get_effect(name)
+    if effect.physical:
+        return False
+    since_s, rest = np.array([0.0, 1.0, 3.0]), np.zeros(3)
+    values = effect.typical
+    at_rest = effect.read_along(since_s, rest, rest, values)
+    under_suction = effect.read_along(since_s, rest + 50.0, rest + 1.0, values) - 1.0
+    return bool(np.ptp(at_rest) > 0.0 and np.allclose(at_rest, under_suction, atol=1e-9))
+
+
 class Discipline:
     """The tests of one campaign's explanations."""
 
@@ -206,6 +221,7 @@ class Discipline:
         # A learned function follows corners nearly: by its own errors what it leaves there stands
         # out, though pure error may be larger; where that knows of none that last, by its own.
         looks = self._errors.looks[-1:] + ((self._errors.pure,) if best.kind else ())
+        moves = any(map(adds_in_time, best.effects))
 
         def left(one: Candidate, errors: ErrorChoice) -> Steps:
             # At its optimum by these errors: its fit ended near that by wider ones, and what a
@@ -216,7 +232,7 @@ class Discipline:
 
         # Of a corner that it does follow, some share is left; of steps it takes off half at most.
         passed = any(
-            not (found := left(best, e)).sudden
+            not ((found := left(best, e)).sudden or (moves and found.small))
             or (best.kind and found.large < NAMES.steps_left * left(base, e).large)
             for e in looks
         )

@@ -366,8 +366,8 @@ class NameRules:
     steps: float = 4.0
     """Standard deviations of chance by which an explanation may leave steps beyond 1 µm."""
     small_steps: float = 3.0
-    """The same of all of each step: of 20 right names none left more than 0.2, of three tapes that
-    let go by 3 to 12 µm, called a drift, the zero's wander among their errors, they left 2 to 7;"""
+    """The same of all of each step, of what adds to the reading by time alone: three tapes that let
+    go by 3 to 12 µm, called a drift, the zero's wander among their errors, left 2 to 7;"""
     no_fewer: float = -1.0
     """where those beyond 1 µm are no fewer than by chance: of 20 right names -2 and less."""
     steps_left: float = 0.03

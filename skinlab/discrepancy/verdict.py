@@ -29,11 +29,19 @@ class Verdict:
         return self.name in ("named", "learned")
 
     def without(self, first: int) -> Verdict:
-        """Return the verdict without so many of its first explanations."""
-        left = self.explanations[first:]
+        """Return the verdict without so many of its first explanations.
+
+        What is left alone of a tie is a name where it is part of one of those: else it is behind
+        all of them, and a tie with them still.
+        """
+        failed, left = self.explanations[:first], self.explanations[first:]
         if self.name == "learned":  # functions of one kind say the same: the first that stands
             return Verdict("learned", left[:1])
-        return Verdict("named" if first and len(left) == 1 else self.name, left)
+        if not failed or len(left) > 1:
+            return Verdict(self.name, left)
+        if any(set(left[0].effects) < set(one.effects) for one in failed):
+            return Verdict("named", left)
+        return Verdict("ambiguous", [*left, *failed])
 
 
 def decide(found: Found) -> Verdict:
@@ -123,12 +131,14 @@ def outdone_by_names(
     """Return whether effects with a name explain, and a learned function is no better than they.
 
     One that leaves more than noise and is behind them: it is one of these that is missing, though
-    nobody can tell which. So it is where the function is not 20 times likelier than the name that
-    `stood` all other trials, unless that is a form of its kind.
+    nobody can tell which. So is one that is behind a single effect, which did not stand its trials:
+    a pair is supple, and may be ahead of anything. So it is where the function is not 20 times
+    likelier than the name that `stood` all other trials, unless that is a form of its kind.
     """
     (one,) = learned.explanations
-    best = max((c.log10_evidence for c in named if c.adequate), default=-math.inf)
-    if not one.adequate and best >= one.log10_evidence + NAMES.tie:
+    explain = [c for c in named if c.adequate and (len(c.effects) == 1 or not one.adequate)]
+    best = max((c.log10_evidence for c in explain), default=-math.inf)
+    if best >= one.log10_evidence + NAMES.tie:
         return True
     if stood is None or one.kind in {get_effect(name).form_of for name in stood.effects}:
         return False

@@ -27,7 +27,13 @@ from skinlab.discrepancy.campaign_errors import (
     smooth_columns,
 )
 from skinlab.discrepancy.candidates import Candidate, Found
-from skinlab.discrepancy.discipline import Discipline, repeats_um, shares_of, smooth_shapes
+from skinlab.discrepancy.discipline import (
+    Discipline,
+    adds_in_time,
+    repeats_um,
+    shares_of,
+    smooth_shapes,
+)
 from skinlab.discrepancy.fit import Fitter
 from skinlab.discrepancy.heldout import HeldOut
 from skinlab.discrepancy.misfit import errors_of, mesh_columns
@@ -40,6 +46,7 @@ from skinlab.discrepancy.table_curves import recorded
 from skinlab.discrepancy.table_domes import TableDomes
 from skinlab.discrepancy.unknowns import Unknowns
 from skinlab.inference.covariance import Covariance, OrnsteinUhlenbeck
+from skinlab.mechanics.effects import effect_names
 from skinlab.mechanics.effects.model import Sensors, Skin, felt_path, response, solve_skin
 from skinlab.mechanics.fem.skin import SkinProblem
 from skinlab.mechanics.fem.suction import Geometry
@@ -837,8 +844,17 @@ def test_small_steps_are_seen_through_errors_that_took_them_up(table, jump_um, s
         r.curve.deflection_mm - c.curve.deflection_mm for r, c in zip(records, clean, strict=True)
     ]
     found = steps(records, covariance, np.concatenate(off))
-    assert found.large < NAMES.steps
-    assert found.sudden == seen
+    assert not found.sudden
+    assert found.small == seen
+
+
+def test_what_adds_to_the_reading_by_time_alone():
+    """Small steps are no drift. A creep leaves some where it turns, by 5 deviations."""
+    found = {name for name in effect_names() if adds_in_time(name)}
+    assert found == {
+        "baseline_drift", "periodic_motion",
+        "learned_drift", "learned_motion", "learned_periodic", "learned_wander",
+    }  # fmt: skip
 
 
 @pytest.mark.parametrize(("until_mbar", "seen"), [(1.8, False), (8.0, True)])

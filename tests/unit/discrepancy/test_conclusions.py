@@ -361,6 +361,13 @@ def test_what_is_learned_and_leaves_more_gives_way_to_names_that_do_not(left, be
     assert outdone_by_names(learned, named) is outdone
 
 
+@pytest.mark.parametrize(("ahead", "outdone"), [(1.0, False), (3.0, True)])
+def test_what_is_learned_gives_way_to_a_single_effect_that_leads_and_failed_a_trial(ahead, outdone):
+    """A layer that was 13 and not 20 times likelier without a condition was told as an opening."""
+    learned = Verdict("learned", [candidate(("learned_opening",), 8.7)])
+    assert outdone_by_names(learned, [candidate(SLIP, 8.7 + ahead)]) is outdone
+
+
 @pytest.mark.parametrize(
     ("kind", "name", "ahead", "outdone"),
     [
@@ -704,9 +711,14 @@ def test_errors_are_too_large_only_if_the_best_says_what_stiffness_does(
 
 
 def test_of_a_tie_without_its_first_the_others_are_left():
+    """A bent sensor, 13 times less likely than a tension that failed a trial, was a name."""
     tied = [candidate(LAG, 20.0), candidate(GAIN, 19.5), candidate(SLIP, 19.0)]
     left = [(v.name, v.explanations) for v in map(Verdict("ambiguous", tied).without, range(3))]
-    assert left == [("ambiguous", tied), ("ambiguous", tied[1:]), ("named", tied[2:])]
+    lag, gain, slip = tied
+    assert left == [("ambiguous", tied), ("ambiguous", tied[1:]), ("ambiguous", [slip, lag, gain])]
+    pair = candidate((*LAG, *SLIP), 20.2)
+    alone = Verdict("ambiguous", [pair, gain, lag]).without(2)
+    assert (alone.name, alone.explanations) == ("named", [lag])
     assert Verdict("named", tied[:1]).without(0).name == "named"
 
 
