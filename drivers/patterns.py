@@ -18,7 +18,6 @@ _MOST_CHARACTERS = 500
 _MOST_ANY = 2  # how often `.` may be repeated
 _MOST_OPTIONAL = 12  # each may double the ways in which a line can be tried
 _MOST_SHARING = 3  # repeats that may share out the same characters: a power of the line's length
-_FEW = 8  # a repeat that is bounded by less is none
 _REPEATS = (codes.MAX_REPEAT, codes.MIN_REPEAT, codes.POSSESSIVE_REPEAT)
 _CATEGORIES = {
     codes.CATEGORY_DIGIT: r"\d", codes.CATEGORY_NOT_DIGIT: r"\D",
@@ -144,9 +143,10 @@ def _sharing_of(item: Item, char: str) -> _Sharing:
         return _ONE
     inside = [_sharing(part, char) for part in _inside(what, args)]
     if what in _REPEATS:
-        many = args[1] > _FEW
-        one = _ONE if many and _takes(args[2][0], char) else inside[0]
-        return one if args[0] else one.either(_Sharing())
+        least, most = args[:2]
+        varies = most > 1 and least < most  # `?` is counted by itself
+        one = _ONE if varies and _takes(args[2][0], char) else inside[0]
+        return one if least else one.either(_Sharing())
     found = inside[0] if inside else _Sharing()
     for other in inside[1:]:
         found = found.either(other)

@@ -74,8 +74,8 @@ class Recording:
 
     Raises:
         InputError: the session exists already, nothing can be written there, the subject is no
-            pseudonym, the site names a person, or
-            the file is not called as sessions are. Said before any suction starts.
+            pseudonym, the site names a person, or the file is not called as sessions are. Said
+            before any suction starts.
     """
 
     def __init__(

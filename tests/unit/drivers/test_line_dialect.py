@@ -149,6 +149,8 @@ def test_commands_are_known_and_start_is_never_sent():
         (plain(r"(?P<pressure>\S+)", r"(?P<pressure>(a|a)*)"), "a group is repeated"),
         (plain(r"(?P<pressure>\S+)", r"(?P<pressure>\d*[0-9]*\d*[0-9]*x)"),
          "dialect.pattern: 4 repeats in a row may each take '9'; expected 3 at most"),
+        (plain(r"(?P<pressure>\S+)", r"(?P<pressure>%sx)" % (r"\d{0,8}[0-9]{0,8}" * 4)),
+         "8 repeats in a row"),
         (plain(r"(?P<pressure>\S+)", r"(?P<pressure>[\d.]*[\d ]?[\d.]+(a|\d*)[^x]*x)"),
          "4 repeats in a row"),
         (plain(r"\S+) ", r"\S+).*,.*,.*,"), "`.` is repeated 3 times"),
